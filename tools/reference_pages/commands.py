@@ -12,8 +12,8 @@ INTRODUCTION = """
 Exit status: 0 done, 1 a check failed, 2 bad input, with one line that says what, where and how to
 correct it. `adhesion-can COMMAND --help` prints the same arguments. Commands that open a bus take
 python-can's options `-i`, `-c`, `-b`, `--fd` and `--bus-kwargs` (`--help-bus` prints all of them),
-its `~/.canrc` and its environment `CAN_*`. Every command takes `--progress` and `--no-progress`: how
-far long work is, on stderr; without either it is printed on a terminal.
+its `~/.canrc` and its environment `CAN_*`. Every command takes `--progress` and `--no-progress`:
+how far long work is, on stderr; without either it is printed on a terminal.
 """
 USUAL_GROUPS = ("options", "positional arguments", "vehicle and database")
 """Titles of groups that say nothing of their options."""
