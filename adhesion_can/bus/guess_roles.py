@@ -4,14 +4,16 @@ A wrong guess costs more than none: two signals that fit a role about equally we
 neither is taken.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from cantools.database.can import Message, Signal
 
+from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
 from adhesion_can.bus.role_words import (
     AGAINST,
     AXLE_MESSAGES,
+    GROUPS,
     OTHERS,
     PAIRS,
     SIDES,
@@ -20,63 +22,19 @@ from adhesion_can.bus.role_words import (
     STATES,
     VEHICLE_WHOLE,
     WHEEL,
+    counts_axles,
     split_words,
 )
+from adhesion_can.bus.shared_efforts import find_shared_efforts
 from adhesion_can.bus.signal_columns import find_obstacle
-from adhesion_can.bus.units import to_si
-from adhesion_can.physics.readings import PER_AXLE, Role, role_name
+from adhesion_can.bus.units import UNITS, find_factor, to_si
+from adhesion_can.physics.readings import PER_AXLE, Role
 from adhesion_can.physics.vehicle import MOST_AXLES
 
 LEAST_SCORE = 3
 """Score from which a signal is a candidate: a name that fits, and nothing against it."""
 CLEAR_LEAD = 1
 """Lead over the next candidate with which the better one is taken."""
-
-
-@dataclass(frozen=True, slots=True)
-class RoleGuess:
-    """A signal that fits a role.
-
-    Attributes:
-        role: Meaning of the signal.
-        axle: Number of the axle, 1.. for roles per axle, else 0.
-        message: Message of the signal.
-        signal: Signal.
-        score: Points of its names and unit; more fits better.
-        reasons: What speaks for it, a few words each.
-
-    """
-
-    role: Role
-    axle: int
-    message: Message
-    signal: Signal
-    score: int
-    reasons: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        """Role as configurations spell it."""
-        return role_name(self.role, self.axle)
-
-    @property
-    def place(self) -> str:
-        """Signal as configurations spell it, `Message.Signal`."""
-        return f"{self.message.name}.{self.signal.name}"
-
-
-@dataclass(frozen=True, slots=True)
-class GuessedRoles:
-    """Roles of the signals of a database.
-
-    Attributes:
-        taken: Guesses that are clear, no signal in two of them.
-        rivals: Guesses by role of which none is clearly the better one, best first.
-
-    """
-
-    taken: tuple[RoleGuess, ...]
-    rivals: Mapping[str, tuple[RoleGuess, ...]]
 
 
 def guess_roles(messages: Iterable[Message]) -> GuessedRoles:
@@ -100,8 +58,10 @@ def guess_roles(messages: Iterable[Message]) -> GuessedRoles:
             taken.append(best[0])
         else:
             rivals[name] = tuple(best)
-    _leave_out_shared(taken, rivals)
-    return GuessedRoles(tuple(sorted(taken, key=_order)), dict(sorted(rivals.items())))
+    _leave_out_doubles(taken, rivals)
+    shared = find_shared_efforts(taken, rivals)
+    kept = sorted((guess for guess in taken if guess not in shared), key=_order)
+    return GuessedRoles(tuple(kept), dict(sorted(rivals.items())), shared)
 
 
 def _counted_from_zero(found: Sequence[RoleGuess]) -> Iterable[RoleGuess]:
@@ -115,7 +75,7 @@ def _counted_from_zero(found: Sequence[RoleGuess]) -> Iterable[RoleGuess]:
             yield replace(guess, axle=guess.axle + 1)
 
 
-def _leave_out_shared(taken: list[RoleGuess], rivals: dict[str, tuple[RoleGuess, ...]]) -> None:
+def _leave_out_doubles(taken: list[RoleGuess], rivals: dict[str, tuple[RoleGuess, ...]]) -> None:
     """A signal that fits two roles is taken for neither."""
     places = [guess.place for guess in taken]
     places += {rival.place for alike in rivals.values() for rival in alike}
@@ -132,23 +92,34 @@ def _guesses(message: Message, signal: Signal) -> Iterable[RoleGuess]:
     """Roles that a signal fits, each with its score."""
     words, number = split_words(signal.name)
     around, around_number = split_words(message.name)
-    if find_obstacle(signal, message) or set(words) & AGAINST:
+    if find_obstacle(signal, message):
         return
     axle = None if set(words) & SIDES else number  # a wheel of a side is no axle
-    if number is None and set(around) & AXLE_MESSAGES:
+    if number is None and set(around) & (AXLE_MESSAGES | GROUPS.keys()):
         axle = around_number
-    doubtful = 2 if set(around) & AGAINST else 0
+    of_axle = counts_axles(signal.name) or (number is None and counts_axles(message.name))
+    group = next((GROUPS[word] for word in (*words, *around) if word in GROUPS), "")
     roles = [role for role in Role if role is not Role.CHANNEL]
     if axle is None or axle > MOST_AXLES:
         roles = [role for role in roles if role not in PER_AXLE]
     for role in roles:
+        # A motor or a bogie has an effort that counts; its speed and its load are other quantities.
+        against = AGAINST - GROUPS.keys() if role is Role.TRACTIVE_EFFORT else AGAINST
+        if set(words) & against:
+            continue
         named, kind = _named(role, words, around), _kind(role, signal)
+        if role is Role.WHEEL_SPEED and not named:
+            named = _named_by_rotation(signal, words)
+        doubtful = 2 if set(around) & against else 0
+        if role is Role.TRACTIVE_EFFORT and group and not of_axle:
+            doubtful += 1  # less likely an axle's than a signal that names axles
         # One of several vehicle speeds is less likely the one.
         several = 1 if role is Role.VEHICLE_SPEED and number is not None else 0
         score = named + 2 - doubtful - several
         if named and kind and score >= LEAST_SCORE:
             place = axle or 0 if role in PER_AXLE else 0
-            yield RoleGuess(role, place, message, signal, score, ("its name", kind))
+            reasons = ("its name", kind)
+            yield RoleGuess(role, place, message, signal, score, reasons, group, of_axle)
 
 
 def _kind(role: Role, signal: Signal) -> str:
@@ -171,6 +142,13 @@ def _named(role: Role, words: Sequence[str], around: Sequence[str]) -> int:
     if role in SINGLE:
         return 2 if own & SINGLE[role] else 0
     return _two(own, both, *PAIRS[role])
+
+
+def _named_by_rotation(signal: Signal, words: Sequence[str]) -> int:
+    """Points of a wheel whose name has no word for speed and whose unit is that of a rotation."""
+    own = set(words)
+    turns = find_factor(UNITS[Role.WHEEL_SPEED], signal.unit or "") is not None
+    return 2 if turns and own & WHEEL and not own & OTHERS[Role.WHEEL_SPEED] else 0
 
 
 def _two(own: set[str], both: set[str], quantity: set[str], thing: set[str]) -> int:

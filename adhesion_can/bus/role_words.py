@@ -47,6 +47,18 @@ AGAINST = {"setpoint", "set", "soll", "demand", "dmd", "req", "request", "target
 """Words that make a signal another quantity, or another form of it, than the measured one."""
 AXLE_MESSAGES = {*WHEEL, "drive", "motor", "mot", "antrieb", "traktion", "traction", "trk"}
 """Words of messages whose number is that of an axle."""
+GROUPS = {
+    "motor": "motor",
+    "mot": "motor",
+    "bogie": "bogie",
+    "truck": "bogie",
+    "drehgestell": "bogie",
+    "dg": "bogie",
+    "carrello": "bogie",
+    "inverter": "inverter",
+    "umrichter": "inverter",
+}
+"""Words of what may drive several axles, and the English one."""
 SIDES = {"l", "r", "left", "right", "fl", "fr", "rl", "rr", "links", "rechts"}
 STATES: Mapping[Role, Mapping[int, frozenset[str]]] = {
     Role.SPEED_SOURCE: {
@@ -118,6 +130,18 @@ def split_words(name: str) -> tuple[list[str], int | None]:
 
     Of several numbers the one behind a word for an axle counts.
     """
+    words, numbers, of_axles = _split(name)
+    one = of_axles if len(of_axles) == 1 else numbers
+    return words, one[0] if len(one) == 1 else None
+
+
+def counts_axles(name: str) -> bool:
+    """Whether the number of a name follows a word for an axle."""
+    return len(_split(name)[2]) == 1
+
+
+def _split(name: str) -> tuple[list[str], list[int], list[int]]:
+    """Words of a name, its numbers, and those of its numbers that follow a word for an axle."""
     plain = name.translate(_UMLAUTS)
     plain = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", plain)
     plain = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", plain)
@@ -133,5 +157,4 @@ def split_words(name: str) -> tuple[list[str], int | None]:
             continue
         singular = part[:-1] if part in _PLURALS else part
         words.extend(_COMPOUNDS.get(part, (singular,)))
-    one = of_axles if len(of_axles) == 1 else numbers
-    return words, one[0] if len(one) == 1 else None
+    return words, numbers, of_axles
