@@ -19,7 +19,7 @@ class RoleGuess:
         signal: Signal.
         score: Points of its names and unit; more fits better.
         reasons: What speaks for it, a few words each.
-        group: What its names say that it belongs to, 'motor', 'bogie' or 'inverter'; '' for nothing.
+        group: What it belongs to by its names: 'motor', 'bogie', 'inverter', or '' for an axle.
         of_axle: Whether its number follows a word for an axle.
         share: Share of the signal's value that belongs to the axle.
 

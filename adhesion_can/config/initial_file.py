@@ -168,8 +168,8 @@ def _shared(initial: InitialConfiguration) -> list[str]:
     if not shared:
         return []
     lines = [
-        f"# tractive_effort: {shared_sentence(shared, initial.axles)}. The factor is the share that",
-        "# belongs to the axle: 0.5 where a motor drives two axles.",
+        f"# tractive_effort: {shared_sentence(shared, initial.axles)}. The factor is the axle's",
+        "# share: 0.5 where a motor drives two axles.",
     ]
     proposed = distribute(shared, initial.axles)
     if proposed:

@@ -173,7 +173,7 @@ def test_numbers_are_asked_for_with_examples(motors, tmp_path, monkeypatch, caps
         assert f", such as {example} (tram) or " in asked
 
 
-def test_the_database_of_the_example_is_found(tmp_path, monkeypatch):
+def test_the_database_of_the_example_is_found(tmp_path):
     example = Path(__file__).resolve().parents[2] / "docs" / "examples" / "own_database.py"
     dbc, out = tmp_path / "own.dbc", tmp_path / "own.toml"
     dbc.write_text(runpy.run_path(str(example))["DATABASE"])
