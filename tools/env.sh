@@ -15,6 +15,14 @@ apt() {
   DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends "$@" >/dev/null || die "cannot install $*"
 }
 
+# install_time EXTRAS: how long pip takes for them with a fast network.
+install_time() {
+  case $1 in
+    test | dev | fuzz | mutation) echo "two to five minutes, 1 GB" ;;
+    *) echo "one to three minutes" ;;
+  esac
+}
+
 python_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
 
 find_python() {
@@ -40,7 +48,7 @@ need() {
   fi
   wanted=$(sha256sum <"$root/pyproject.toml" | cut -d' ' -f1)
   if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] || ! "$venv/bin/python" -c 'import adhesion_can' 2>/dev/null; then
-    say "installing adhesion-can${extras:+ with its extra '$extras'} (once; about a minute)"
+    say "installing adhesion-can${extras:+ with its extra '$extras'} (once; $(install_time "$extras"))"
     "$venv/bin/python" -m pip install -q --disable-pip-version-check -e "$root${extras:+[$extras]}" 2>&1 |
       { grep -v -E '^(WARNING: Location|\[notice\])' || true; } >&2 || die "cannot install adhesion-can"
     echo "$wanted" >"$stamp"

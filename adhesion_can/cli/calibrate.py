@@ -12,6 +12,7 @@ from adhesion_can.api.calibration import (
     require_calibration_roles,
     require_calibration_signals,
 )
+from adhesion_can.calibration.agreement import agreement_dict
 from adhesion_can.calibration.coasting import CalibrationSettings
 from adhesion_can.calibration.fit import Calibration, calibrate
 from adhesion_can.cli.common import (
@@ -43,6 +44,7 @@ from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.calibration import (
+    agreement_line,
     calibration_notes,
     radius_table,
     speed_lines,
@@ -146,7 +148,9 @@ def run(options: argparse.Namespace) -> int:
     notes += _notes_on_source(result, loaded, reference)
     problems = describe_problems(recordings)
     origin = provenance(config, inputs)
-    document = {**result.to_dict(rim), "notes": notes, "problems": problems, **origin}
+    agreement = agreement_line(result)
+    document = {**result.to_dict(rim), **agreement_dict(result), "agreement": agreement}
+    document |= {"notes": notes, "problems": problems, **origin}
     write_json(options.json, document)
     if options.out is not None:
         text = with_correction(
@@ -159,12 +163,12 @@ def run(options: argparse.Namespace) -> int:
         said = page_provenance(origin, options)
         names = [recording.path.name for recording in recordings]
         made = CoastingPlots.build(drives, names, config.vehicle, settings, result)
-        about = [*speed_lines(result, settings), *notes, *problems]
+        about = [agreement, *speed_lines(result, settings), *notes, *problems]
         lines = write_report(page(result, made, rim, about, said), options)
     if talk(options):
         out = console()
         out.print(radius_table(result, rim))
-        for line in [*speed_lines(result, settings), *notes, *problems, *lines]:
+        for line in [agreement, *speed_lines(result, settings), *notes, *problems, *lines]:
             out.print(line, markup=False)
     return 0
 

@@ -1,22 +1,18 @@
 """Common parts of the commands: options, opening a bus, writing JSON, progress."""
 
 import argparse
-import inspect
 import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import can
-
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.cli.bars import bar
-from adhesion_can.errors import BusError, InputError, suggest
+from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
 from adhesion_can.printable import say
 from adhesion_can.recordings.formats import require_text_name
@@ -85,13 +81,6 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", metavar="F", help="write the result as JSON; - for stdout")
 
 
-def add_bus(parser: argparse.ArgumentParser) -> None:
-    """python-can's own bus options."""
-    import can.cli  # noqa: PLC0415  few commands open a bus
-
-    can.cli.add_bus_arguments(parser, group_title="bus (python-can)")
-
-
 def configuration(options: argparse.Namespace) -> "Configuration":
     """Configuration that the options name, with the extended model where one is named."""
     from adhesion_can.config import load_configuration  # noqa: PLC0415  `convert` needs none
@@ -115,62 +104,6 @@ def configuration(options: argparse.Namespace) -> "Configuration":
     from adhesion_can.config.model_file import read_model  # noqa: PLC0415  who has a model pays
 
     return replace(config, model=read_model(model))
-
-
-def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
-    """Function that opens the bus of the options.
-
-    Raises (when called):
-        BusError: there is no such bus.
-    """
-
-    def open_bus() -> can.BusABC:
-        from can.cli import create_bus_from_namespace  # noqa: PLC0415  few commands open a bus
-
-        if getattr(options, "interface", None) is None and not bus_is_configured():
-            raise BusError("-i", "no interface is given", "pass for example -i socketcan -c vcan0")
-        _require_known_kwargs(options)
-        try:
-            return create_bus_from_namespace(options)
-        except argparse.ArgumentError as error:
-            cause = error.__cause__ or error
-            reason = " ".join(str(cause).split())[:200] or type(cause).__name__
-            named = f"{getattr(options, 'interface', '?')}:{getattr(options, 'channel', '?')}"
-            raise BusError(
-                f"bus {named}",
-                f"cannot be opened ({reason})",
-                "check -i and -c; 'ip link' lists SocketCAN's channels",
-            ) from error
-
-    return open_bus
-
-
-def _require_known_kwargs(options: argparse.Namespace) -> None:
-    """Raise a BusError where a word of --bus-kwargs is nearly one that the interface has.
-
-    Interfaces take whatever is given, and pass over what they do not know.
-    """
-    given = getattr(options, "bus_kwargs", None) or {}
-    interface = getattr(options, "interface", None)
-    if not given or interface not in can.interfaces.BACKENDS:
-        return
-    module, name = can.interfaces.BACKENDS[interface]
-    try:
-        known = set(inspect.signature(getattr(import_module(module), name).__init__).parameters)
-    except (ImportError, AttributeError, ValueError):
-        return  # opening the bus says what is missing
-    for word in given:
-        near = "" if word in known else suggest(word, known - {"self", "kwargs"})
-        if near:
-            raise BusError(f"--bus-kwargs {word}", f"{interface} has no such option", near)
-
-
-def bus_is_configured() -> bool:
-    """Whether python-can's files or environment variables name a bus."""
-    try:
-        return bool(can.util.load_config().get("interface"))
-    except can.CanInterfaceNotImplementedError:
-        return False
 
 
 def write_json(target: str | None, document: dict[str, Any], *, own_name: bool = False) -> None:

@@ -5,7 +5,9 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from adhesion_can.cli.commands import COMMANDS
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_extra
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -25,10 +27,8 @@ def run(options: argparse.Namespace) -> int:
     try:
         import shtab  # noqa: PLC0415  an extra
     except ImportError as error:
-        raise InputError(
-            "shtab", "is not installed", "pip install 'adhesion-can[completion]'"
-        ) from error
-    from adhesion_can.cli.main import COMMANDS, build_parser  # noqa: PLC0415  it imports this one
+        raise InputError("shtab", "is not installed", install_extra("completion")) from error
+    from adhesion_can.cli.main import build_parser  # noqa: PLC0415  it imports this one
 
     parser = build_parser()
     for name, one in _commands(parser).items():

@@ -12,11 +12,10 @@ from pathlib import Path
 from types import FrameType
 
 from adhesion_can.bus.frame import Frame
+from adhesion_can.cli.bus_options import add_bus, bus_opener
 from adhesion_can.cli.common import (
-    add_bus,
     add_configuration,
     add_json,
-    bus_opener,
     configuration,
     require_positive,
     talk,

@@ -125,7 +125,8 @@ def run(options: argparse.Namespace) -> int:
     write_json(options.json, summary)
     written = [missing]
     if not missing:
-        written = write_report(_page(bench, found, options), options, html)
+        _, *pictures = write_report(_page(bench, found, options), options, html)
+        written = [*pictures, f"report: {html}; in a browser: {html.resolve().as_uri()}"]
     if talk(options):
         out = console()
         out.print(phase_table(found))
@@ -136,7 +137,7 @@ def run(options: argparse.Namespace) -> int:
         command, log = own_command(), options.out / "demo.log"
         out.print(f"recording of all frames: {log}", markup=False)
         for line in written:
-            out.print(line, markup=False)
+            out.print(line, markup=False, soft_wrap=True)
         out.print(f"next: {command} replay {log}, or {command} --help", markup=False)
     return 0
 

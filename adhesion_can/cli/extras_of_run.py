@@ -8,6 +8,7 @@ from can.util import CAN_FD_DLC
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.service.frame_log import LogBehind
 from adhesion_can.service.live import LiveService
 
@@ -39,7 +40,7 @@ def read_secoc(options: argparse.Namespace, sizes: Mapping[str, int]) -> Callabl
         raise InputError(
             where,
             f"needs cryptography (no module {error.name!r})",
-            "pip install 'adhesion-can[secoc]'",
+            install_extra("secoc"),
         ) from error
     for name, size in sizes.items():
         if size + TRAILER_BYTES not in CAN_FD_DLC:
@@ -80,7 +81,7 @@ def serve_metrics(
         raise InputError(
             where,
             f"needs prometheus-client (no module {error.name!r})",
-            "pip install 'adhesion-can[metrics]'",
+            install_extra("metrics"),
         ) from error
     lost = (lambda: 0) if log is None else (lambda: log.lost)
     try:

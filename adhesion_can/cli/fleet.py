@@ -20,6 +20,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.fleet_summary import Summary, describe
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.fleet.schema import STEPS
 from adhesion_can.plurals import counted
 from adhesion_can.printable import say
@@ -152,7 +153,7 @@ def _require_extra() -> None:
         import pyarrow as pa  # noqa: F401, PLC0415
     except ImportError as error:
         what = f"needs dask.distributed, fsspec and pyarrow (no module {error.name!r})"
-        raise InputError("fleet", what, "pip install 'adhesion-can[fleet]'") from error
+        raise InputError("fleet", what, install_extra("fleet")) from error
 
 
 def _require_options(options: argparse.Namespace) -> None:

@@ -2,21 +2,31 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from adhesion_can.bus.database import load_database
-from adhesion_can.bus.guess_roles import GuessedRoles, RoleGuess, guess_roles
+from adhesion_can.bus.guess_roles import guess_roles
+from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
+from adhesion_can.bus.shared_efforts import distribute
 from adhesion_can.cli.common import (
     add_lenient,
     require_outputs,
     require_positive,
     tell_left_out,
 )
-from adhesion_can.config.initial_file import InitialConfiguration, count_axles, initial_text
-from adhesion_can.config.vehicle_section import VEHICLE_DATA
+from adhesion_can.config.initial_file import (
+    REQUIRED,
+    InitialConfiguration,
+    count_axles,
+    initial_text,
+    shared_sentence,
+)
+from adhesion_can.config.vehicle_section import VEHICLE_DATA, vehicle_example
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
+from adhesion_can.plurals import counted
 from adhesion_can.printable import say
 
 _OPTIONS = {
@@ -27,13 +37,16 @@ _OPTIONS = {
 }
 """Option of each value of the vehicle, the sign of its unit, and the unit in words."""
 
+SHOWN = 6
+"""Number of signals that a line on the terminal names."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Writes a commented configuration for --config. Roles are guessed from names, units and "
-        "value tables; where two signals fit a role about equally well you are asked. What stays "
-        "open is commented out, or says 'fill in'."
+        "value tables; where two signals fit a role about equally well, and where motors or bogies "
+        "drive several axles, you are asked. What stays open is commented out, or says 'fill in'."
     )
     parser.add_argument("--dbc", type=Path, required=True, metavar="F", help="CAN database")
     parser.add_argument(
@@ -41,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--yes", action="store_true", help="take the clear guesses and ask nothing")
     for key, (option, unit, _) in _OPTIONS.items():
-        parser.add_argument(option, dest=key, type=float, metavar=unit, help=VEHICLE_DATA[key])
+        parser.add_argument(option, dest=key, type=float, metavar=unit, help=_meaning(key))
     add_lenient(parser)
 
 
@@ -67,7 +80,14 @@ def run(options: argparse.Namespace) -> int:
             file.write(text)
     where = "" if options.out is None else f"{options.out}: "
     say(f"{where}{_summary(initial)}")
+    for line in _left_over(initial):
+        say(line)
     return 0
+
+
+def _meaning(key: str) -> str:
+    """Meaning of a value of the vehicle, with usual values."""
+    return f"{VEHICLE_DATA[key]}, {vehicle_example(key)}"
 
 
 def _summary(initial: InitialConfiguration) -> str:
@@ -76,11 +96,32 @@ def _summary(initial: InitialConfiguration) -> str:
     parts = [f"{len(initial.guessed.taken)} roles guessed"]
     if unclear:
         parts.append(f"unclear {', '.join(unclear)}")
+    if shared := initial.guessed.shared:
+        parts.append(f"not assigned: {shared_sentence(shared, initial.axles)}")
     if initial.missing:
         parts.append(f"missing {', '.join(initial.missing)}")
     if initial.to_fill_in:
         parts.append(f"to fill in {', '.join(initial.to_fill_in)}")
     return "; ".join(parts)
+
+
+def _left_over(initial: InitialConfiguration) -> list[str]:
+    """Lines on the candidates for roles that are needed, and on the signals that are not used."""
+    lines = []
+    for role in initial.absent:
+        if role in REQUIRED:
+            found = _some(initial.candidates(role)) or "no signal has a unit that fits"
+            lines.append(f"{role} not found; candidates: {found}")
+    if unused := initial.unused:
+        count = counted(len(unused), "signal")
+        lines.append(f"{count} not used: {_some(unused)}")
+    return lines
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first names of a list, which the file has whole."""
+    more = f", and {len(names) - SHOWN} more (the file lists all)" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more
 
 
 def _ask(initial: InitialConfiguration) -> InitialConfiguration:
@@ -93,15 +134,32 @@ def _ask(initial: InitialConfiguration) -> InitialConfiguration:
         if chosen is not None:
             taken.append(chosen)
             del open_roles[name]
-    guessed = GuessedRoles(tuple(taken), open_roles)
+    guessed = GuessedRoles(tuple(taken), open_roles, initial.guessed.shared)
     vehicle = dict(initial.vehicle)
     axles = count_axles(guessed)
     if axles is None:
-        axles = _ask_count("axles: number of the axles")
-    for key, meaning in VEHICLE_DATA.items():
-        if key not in vehicle and (number := _ask_number(f"{key}: {meaning}")) is not None:
+        axles = _ask_count("axles: number of the axles, such as 4")
+    guessed = _ask_shared(guessed, axles)
+    for key in VEHICLE_DATA:
+        if key not in vehicle and (number := _ask_number(f"{key}: {_meaning(key)}")) is not None:
             vehicle[key] = number
     return replace(initial, guessed=guessed, axles=axles, vehicle=vehicle)
+
+
+def _ask_shared(guessed: GuessedRoles, axles: int | None) -> GuessedRoles:
+    """The guesses with the efforts of motors or bogies distributed, where the answer is yes."""
+    proposed = distribute(guessed.shared, axles)
+    if not proposed:
+        return guessed
+    each = round(1 / proposed[0].share)
+    places = ", ".join(guess.place for guess in guessed.shared)
+    say(f"{shared_sentence(guessed.shared, axles)}: {places}")
+    answer = _answer(
+        f"does each drive {each} axles, in this order, with equal shares? y, or Enter for later: "
+    )
+    if answer.lower() not in ("y", "yes"):
+        return guessed
+    return replace(guessed, taken=(*guessed.taken, *proposed), shared=())
 
 
 def _ask_rival(name: str, rivals: list[RoleGuess]) -> RoleGuess | None:

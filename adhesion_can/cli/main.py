@@ -6,43 +6,23 @@ imported when the command is called, so that no command waits for the libraries 
 
 import argparse
 import errno
-import gc
 import os
 import select
 import shlex
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from types import FrameType
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from adhesion_can.errors import AdhesionCanError, suggest
+from adhesion_can.cli.commands import COMMANDS
+from adhesion_can.cli.parsing import CommandParser, Parser
+from adhesion_can.errors import AdhesionCanError
 from adhesion_can.printable import say
 from adhesion_can.recordings.python_can_mf4 import put_off_asammdf
 from adhesion_can.version import __version__
-
-COMMANDS: Mapping[str, str] = {
-    "demo": "locomotive, service and creep controller on an embedded bus",
-    "run": "the service on a bus",
-    "simulate": "a simulated locomotive, to a log or on a bus",
-    "monitor": "a live view of a bus or a recording; never sends",
-    "control": "the reference creep controller on a bus",
-    "replay": "the service over recordings",
-    "identify": "one batch fit with standard errors",
-    "calibrate": "wheel radii and speed offset from coasting",
-    "diagnose": "what the simulation gets wrong, and why",
-    "evaluate": "test of a model on data that it has not seen",
-    "experiment": "the paper's experiments, every estimator side by side",
-    "check": "whether a recording is usable",
-    "fleet": "many recordings to one Parquet data set, on a cluster",
-    "init": "a commented configuration from a database",
-    "convert": "any recording, decoded with any database, to columns",
-    "completion": "a shell script that completes commands and options",
-}
-"""One line about each command; the command's module in this package bears its name."""
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment of the libraries for linear algebra. Our matrices are small: more threads than one
@@ -51,94 +31,24 @@ wait for each other, and a service would keep all cores busy."""
 _DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
-class _Parser(argparse.ArgumentParser):
-    """One line on stderr for wrong usage, as for every other error."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}; see '{self.prog} --help'\n")
-
-    def _print_message(self, message: str, file: Any = None) -> None:
-        """An error names words that were given; help has several lines of our own."""
-        own = message.rstrip("\n")
-        if file is sys.stderr:
-            say(own)
-        else:
-            super()._print_message(message, file)
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """A value that is none of the choices, with those that are written alike."""
-        if action.choices is None or value in action.choices:
-            return
-        known = [str(choice) for choice in action.choices]
-        near = suggest(str(value), known)
-        mend = near or f"known: {', '.join(known)}"
-        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
-            self.error(f"no command {value!r}; {mend}")
-        name = "/".join(action.option_strings) or str(action.metavar or action.dest)
-        self.error(f"{name}: no {str(value)!r}; {mend}")
-
-
-class _CommandParser(_Parser):
-    """Parser of one command, whose options are added when the command is called."""
-
-    command: str | None = None
-    """Command whose options have not been added yet; None: they have."""
-
-    def load(self) -> None:
-        """Add the options of the command, once."""
-        if self.command is None:
-            return
-        with _garbage_collection_paused():
-            module = import_module(f"adhesion_can.cli.{self.command}")
-        self.command = None
-        module.add_arguments(self)
-        self.add_argument(
-            "--progress",
-            action=argparse.BooleanOptionalAction,
-            help="report the progress of long work on stderr (default: on a terminal)",
-        )
-        self.set_defaults(run=module.run)
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        self.load()
-        options, unknown = super().parse_known_args(args, namespace)
-        if unknown:
-            self.error(self._describe_unknown(unknown[0]))  # its own help, not that of the whole
-        return options, unknown
-
-    def _describe_unknown(self, word: str) -> str:
-        if not word.startswith("-"):
-            return f"{word!r} is one argument too many"
-        name = word.partition("=")[0]
-        near = suggest(name, self._option_string_actions)
-        return f"no option {name}" + (f"; {near}" if near else "")
-
-
-@contextmanager
-def _garbage_collection_paused() -> Iterator[None]:
-    """No garbage collection: modules that load leave no garbage, and looking takes a tenth."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
-
-
 def build_parser() -> argparse.ArgumentParser:
     """Parser of all commands."""
-    parser = _Parser(
+    parser = Parser(
         prog="adhesion-can",
         description="Identifies the wheel/rail adhesion curve from CAN data, online and from "
         "recordings, and sends the optimal creep back to the drive.",
+        epilog="'adhesion-can COMMAND --help' shows the command's options and two examples.",
     )
     parser.add_argument("--version", action="version", version=f"adhesion-can {__version__}")
     commands = parser.add_subparsers(
-        metavar="COMMAND", required=True, dest="command", parser_class=_CommandParser
+        title="commands",
+        metavar="COMMAND",
+        required=True,
+        dest="command",
+        parser_class=CommandParser,
     )
-    for name, line in COMMANDS.items():
-        commands.add_parser(name, help=line).command = name
+    for name, command in COMMANDS.items():
+        commands.add_parser(name, help=command.line).command = name
     return parser
 
 

@@ -17,12 +17,10 @@ from pathlib import Path
 from types import FrameType
 from typing import TextIO
 
+from adhesion_can.cli.bus_options import add_bus, bus_is_configured, bus_opener
 from adhesion_can.cli.common import (
-    add_bus,
     add_configuration,
     add_model,
-    bus_is_configured,
-    bus_opener,
     configuration,
     finite,
     require_outputs,
@@ -35,6 +33,7 @@ from adhesion_can.cli.monitor_source import NOTES, LiveSource, Source
 from adhesion_can.cli.silence import bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.errors import ConfigError, InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.files import whole_file
 from adhesion_can.monitoring.snapshot import Snapshot
 from adhesion_can.printable import say
@@ -216,7 +215,7 @@ def _app_maker() -> Callable[[MonitorSession, float | None], int]:
         raise InputError(
             "the view",
             f"needs Textual (no module {error.name!r}); --plain does not",
-            "pip install 'adhesion-can[tui]'",
+            install_extra("tui"),
         ) from error
 
     def show(session: MonitorSession, duration_s: float | None) -> int:

@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -14,13 +14,12 @@ from typing import TextIO, cast
 
 import numpy as np
 
+from adhesion_can.cli.bus_options import add_bus, bus_opener
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
-    add_bus,
     add_configuration,
     add_json,
     add_model,
-    bus_opener,
     configuration,
     require_outputs,
     talk,
@@ -88,7 +87,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[HOST:]PORT",
         help="serve metrics to Prometheus there; HOST defaults to 127.0.0.1",
     )
-    parser.add_argument("--duration", type=float, metavar="S", help="end after this time")
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="end after so long; status 1 without a frame"
+    )
     add_model(parser, MODEL_ONLINE)
     add_json(parser)
     add_configuration(parser)
@@ -101,15 +102,29 @@ def run(options: argparse.Namespace) -> int:
         narrator = Narrator(
             cast(TextIO, stderr), options.log_format, is_taken=lambda: stderr.has_room
         )
-        all_written = _serve(options, narrator, has_terminal=stderr.isatty())
-    if not (all_written and stderr.has_ended):
+        ending = _serve(options, narrator, has_terminal=stderr.isatty())
+    if not (ending.all_written and stderr.has_ended):
         # Who takes nothing was waited for; the interpreter would wait for ever at its own end.
-        os._exit(0)
-    return 0
+        os._exit(ending.status)
+    return ending.status
 
 
-def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: bool) -> bool:
-    """Serve until the end; returns whether everything was written by then."""
+@dataclass(frozen=True)
+class _Ending:
+    """How the service ended.
+
+    Attributes:
+        all_written: Whether everything was written by the end.
+        status: Exit status.
+
+    """
+
+    all_written: bool
+    status: int
+
+
+def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: bool) -> _Ending:
+    """Serve until the end."""
     config = configuration(options)
     written = {
         "--log": options.log,
@@ -159,6 +174,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             None if options.duration is None else service.clock() + round(options.duration * 1e6)
         )
         service.run(until)
+        ran_out = until is not None and service.clock() >= until
         manager.stopping()
     counters = read_counters(service)
     document = {
@@ -186,7 +202,13 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             f"{counters['frames_lost']} lost, {counters['sent']} sent, {counters['send_errors']} "
             f"refused by the bus; {counters['samples']} samples"
         )
-    return outputs.all_ended and json_written
+    is_deaf = ran_out and not counters["received"]
+    if is_deaf:
+        narrator.warn(
+            f"no frame of {_messages(config)} came in {options.duration:g} s on {name}: "
+            "nothing was identified; check the bus, the bitrate and [roles]"
+        )
+    return _Ending(outputs.all_ended and json_written, 1 if is_deaf else 0)
 
 
 def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: bool) -> None:
@@ -213,14 +235,18 @@ def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: 
 def _watch_for_silence(
     config: Configuration, bus: str, notify: Callable[[str], None]
 ) -> SilenceWatch:
-    plans = [message.plan for message in config.messages]
-    named = ", ".join(f"{plan.name} {plan.frame_id:#x}" for plan in plans[:SHOWN_MESSAGES])
-    more = ", .." if len(plans) > SHOWN_MESSAGES else ""
     sentence = (
         f"nothing received on {bus} yet: is this the vehicle's bus, and does it carry "
-        f"{named}{more}? (candump or python -m can.viewer shows it)"
+        f"{_messages(config)}? (candump or python -m can.viewer shows it)"
     )
     return SilenceWatch(sentence, notify)
+
+
+def _messages(config: Configuration) -> str:
+    """Names of the messages that the configuration reads; of many only the first ones."""
+    plans = [message.plan for message in config.messages]
+    named = ", ".join(f"{plan.name} {plan.frame_id:#x}" for plan in plans[:SHOWN_MESSAGES])
+    return named + (", .." if len(plans) > SHOWN_MESSAGES else "")
 
 
 def _look_around(manager: ServiceManager, silence: SilenceWatch, service: LiveService) -> None:

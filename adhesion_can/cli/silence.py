@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 SILENT_S = 2.0
 """Time without a frame after which it is said, s; every cyclic message comes sooner."""
-UNNAMED = "unknown"
-"""What python-can calls a bus that does not name itself."""
+UNNAMED = ("unknown", "closed")
+"""What python-can calls a bus that does not name itself, and we one that is not open yet."""
 
 
 class SilenceWatch:
@@ -48,7 +48,7 @@ class SilenceWatch:
 
 def bus_name(options: argparse.Namespace, channel_info: str) -> str:
     """Name of a bus: its own, or interface and channel where python-can knows none."""
-    if channel_info != UNNAMED:
+    if channel_info not in UNNAMED:
         return channel_info
     words = (getattr(options, "interface", None), getattr(options, "channel", None))
     return " ".join(str(word) for word in words if word) or channel_info

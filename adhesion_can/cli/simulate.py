@@ -16,12 +16,10 @@ from adhesion_can.api.simulation import (
     make_simulation,
 )
 from adhesion_can.bus.frame import Frame
+from adhesion_can.cli.bus_options import add_bus, bus_is_configured, bus_opener
 from adhesion_can.cli.common import (
-    add_bus,
     add_configuration,
     add_model,
-    bus_is_configured,
-    bus_opener,
     configuration,
     progress,
     require_outputs,
@@ -50,7 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         f"Scenarios:\n{names}\n\nEffects, with the default sizes of --effect "
         f"NAME:\n{effects_help()}"
     )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--scenario", required=True, metavar="NAME")
     parser.add_argument(
         "--duration", type=float, metavar="S", help="default 60, or the duration of the plan"

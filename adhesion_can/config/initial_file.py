@@ -1,15 +1,18 @@
 """A configuration file from a database: guessed roles, and what is left to fill in."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
-from adhesion_can.bus.guess_roles import GuessedRoles, RoleGuess
+from adhesion_can.bus.role_candidates import candidates, unused_signals
+from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
+from adhesion_can.bus.shared_efforts import distribute
 from adhesion_can.config.toml_text import quoted
-from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA
+from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA, vehicle_example
 from adhesion_can.physics.readings import Role
+from adhesion_can.plurals import counted
 
 REQUIRED = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
 """Roles without which there is no adhesion coefficient."""
@@ -46,6 +49,28 @@ class InitialConfiguration:
         ]
 
     @property
+    def absent(self) -> list[Role]:
+        """Roles that no signal was found for, neither a clear one nor one of several."""
+        guessed = self.guessed
+        rivals = (rival for alike in guessed.rivals.values() for rival in alike)
+        known = {guess.role for guess in (*guessed.taken, *rivals, *guessed.shared)}
+        return [role for role in Role if role not in known and role is not Role.CHANNEL]
+
+    @property
+    def unused(self) -> list[str]:
+        """Signals without a role, as `Message.Signal`."""
+        found = unused_signals(self.database.db.messages, self.guessed)
+        return [f"{message.name}.{signal.name}" for message, signal in found]
+
+    def candidates(self, role: Role) -> list[str]:
+        """Signals that may have a role that was not found, `Message.Signal (unit)`, best first."""
+        found = candidates(self.database.db.messages, self.guessed, role)
+        return [
+            _comment(f"{message.name}.{signal.name} ({signal.unit or 'no unit'})")
+            for message, signal in found
+        ]
+
+    @property
     def to_fill_in(self) -> list[str]:
         """Keys of [vehicle] without a value."""
         keys = [key for key in VEHICLE_DATA if key not in self.vehicle]
@@ -74,7 +99,7 @@ def initial_text(initial: InitialConfiguration, target: Path | None) -> str:
         "# 'guessed', fill in what says so, then: adhesion-can check RECORDING --config THIS_FILE\n"
     )
     bus = f"[bus]\ndatabase = {quoted(path)}\n"
-    parts = [head, bus, _vehicle(initial), _roles(initial)]
+    parts = [head, bus, _vehicle(initial), _roles(initial), _unused(initial)]
     return "\n".join(parts)
 
 
@@ -83,9 +108,10 @@ def _vehicle(initial: InitialConfiguration) -> str:
     lines = ["[vehicle]", f"axles = {axles}  # those with a wheel speed"]
     for key, meaning in VEHICLE_DATA.items():
         value = initial.vehicle.get(key)
-        lines.append(
-            f"{key} = {f'{value:.12g}' if value is not None else quoted(FILL_IN)}  # {meaning}"
-        )
+        if value is None:
+            lines.append(f"{key} = {quoted(FILL_IN)}  # {meaning}, {vehicle_example(key)}")
+        else:
+            lines.append(f"{key} = {value:.12g}  # {meaning}")
     lines += [
         "",
         "# For load transfer under effort; without this section none is computed:",
@@ -103,24 +129,68 @@ def _roles(initial: InitialConfiguration) -> str:
     lines = ["[roles]"]
     guessed = initial.guessed
     for guess in guessed.taken:
-        lines.append(
-            f"{quoted(guess.name)} = {quoted(guess.place)}  # guessed from {_why(guess)}; check"
-        )
+        lines.append(f"{_entry(guess)}  # guessed from {_why(guess)}; check")
         lines += [f"#   {note}" for note in _notes(guess)]
     for name, rivals in guessed.rivals.items():
         lines.append(f"# {name}: unclear; uncomment the right line, if any:")
         lines += [f"# {quoted(name)} = {quoted(rival.place)}  # {_why(rival)}" for rival in rivals]
-    known = {guess.role for guess in guessed.taken} | {
-        rival.role for rivals in guessed.rivals.values() for rival in rivals
-    }
-    absent = [role for role in Role if role not in known and role is not Role.CHANNEL]
-    if absent:
+    lines += _shared(initial)
+    if initial.absent:
         lines.append("# Not found; map those that the bus carries:")
-    for role in absent:
+    for role in initial.absent:
         needed = "needed for adhesion" if role in REQUIRED else "optional"
         name = f"{role}.1" if role.per_axle else str(role)
         lines.append(f'# {quoted(name)} = "MESSAGE.SIGNAL"  # {needed}')
+        if found := initial.candidates(role):
+            lines.append(f"#   candidates: {', '.join(found)}")
     return "\n".join(lines) + "\n"
+
+
+def _entry(guess: RoleGuess) -> str:
+    """Line of a role, with the factor where its signal is that of several axles."""
+    if guess.share == 1:
+        return f"{quoted(guess.name)} = {quoted(guess.place)}"
+    factor = f"{guess.share:.12g}"
+    return f"{quoted(guess.name)} = {{ signal = {quoted(guess.place)}, factor = {factor} }}"
+
+
+def shared_sentence(shared: Sequence[RoleGuess], axles: int | None) -> str:
+    """Why efforts are not taken as those of axles 1, 2, .."""
+    what = next((f"{guess.group} effort" for guess in shared if guess.group), "effort")
+    count = counted(len(shared), what)
+    of = "an unknown number of axles" if axles is None else counted(axles, "axle")
+    return f"{count} for {of}"
+
+
+def _shared(initial: InitialConfiguration) -> list[str]:
+    """Efforts of motors or bogies, commented out."""
+    shared = initial.guessed.shared
+    if not shared:
+        return []
+    lines = [
+        f"# tractive_effort: {shared_sentence(shared, initial.axles)}. The factor is the axle's",
+        "# share: 0.5 where a motor drives two axles.",
+    ]
+    proposed = distribute(shared, initial.axles)
+    if proposed:
+        each = round(1 / proposed[0].share)
+        lines.append(f"# If each drives {each} axles, in this order, uncomment:")
+    else:
+        lines.append("# Uncomment with the axle's number, and state its factor:")
+    return lines + [f"# {_entry(guess)}  # {_why(guess)}" for guess in proposed or shared]
+
+
+def _unused(initial: InitialConfiguration) -> str:
+    """Signals without a role, a line for each message."""
+    by_message: dict[str, list[str]] = {}
+    for message, signal in unused_signals(initial.database.db.messages, initial.guessed):
+        unit = f" ({signal.unit})" if signal.unit else ""
+        by_message.setdefault(message.name, []).append(f"{signal.name}{unit}")
+    if not by_message:
+        return "# Every signal of the database has a role.\n"
+    rows = (f"{name}: {', '.join(names)}" for name, names in by_message.items())
+    lines = [f"#   {_comment(row)}" for row in rows]
+    return "\n".join(["# Signals that are not used, by message:", *lines]) + "\n"
 
 
 def _why(guess: RoleGuess) -> str:

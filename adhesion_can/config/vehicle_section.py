@@ -30,6 +30,21 @@ VEHICLE_DATA: Mapping[str, str] = {
     "train_mass_kg": "mass of the train with the vehicle, kg",
 }
 """Data that only the vehicle's owner knows, and their meaning, by key."""
+VEHICLE_EXAMPLES: Mapping[str, tuple[str, str]] = {
+    "wheel_radius_m": ("0.33", "0.625"),
+    "axle_load_N": ("90e3", "220e3"),
+    "wheelset_inertia_kgm2": ("60", "200"),
+    "train_mass_kg": ("40e3", "600e3"),
+}
+"""Usual values of a tram and of a locomotive with its train, by the keys of `VEHICLE_DATA`."""
+
+
+def vehicle_example(key: str) -> str:
+    """Usual values of a key of `VEHICLE_DATA`, as a clause."""
+    tram, locomotive = VEHICLE_EXAMPLES[key]
+    return f"such as {tram} (tram) or {locomotive} (locomotive)"
+
+
 FILL_IN = "fill in"
 """Text in place of a value in a new configuration file."""
 

@@ -11,6 +11,7 @@ from typing import Any
 import fsspec
 
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_package
 from adhesion_can.files import file_sha256
 
 _PACKAGES = {"s3": "s3fs", "s3a": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs",
@@ -139,7 +140,7 @@ def open_place(given: str) -> Place:
         system, inner = fsspec.core.url_to_fs(given)
     except ImportError as error:
         package = _PACKAGES.get(scheme, error.name or "its package")
-        mend = f"pip install {package}"
+        mend = install_package(package)
         raise InputError(given, f"{scheme}:// needs another package", mend) from error
     except ValueError as error:
         known = ", ".join(sorted(set(_PACKAGES)))

@@ -13,6 +13,7 @@ import can
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import MAX_PAYLOAD, MOST_ID, Frame, Mark
 from adhesion_can.errors import RecordingError
+from adhesion_can.extras import install_extra
 from adhesion_can.files import file_sha256
 from adhesion_can.recordings.candump import (
     DIFFERENCES,
@@ -369,9 +370,7 @@ class Recording:
     def _reader_error(self, error: Exception) -> RecordingError:
         """Error for the user, of any exception of a parser, struct.error too."""
         if isinstance(error, NotImplementedError | ImportError):
-            return RecordingError(
-                str(self.path), "this format needs asammdf", "pip install 'adhesion-can[mf4]'"
-            )
+            return RecordingError(str(self.path), "this format needs asammdf", install_extra("mf4"))
         who = "reading" if self._format == SQLITE else "python-can"
         return RecordingError(
             str(self.path),

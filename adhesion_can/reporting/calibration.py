@@ -1,8 +1,9 @@
 """A calibration as sentences, as a table and as JSON."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from math import inf
 
+from adhesion_can.calibration.agreement import differs
 from adhesion_can.calibration.coasting import SOFTEST_CONTACT, CalibrationSettings
 from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
 from adhesion_can.reporting.text import FittingTable, table
@@ -48,6 +49,35 @@ def calibration_notes(
         if abs(axle.ratio - 1) > IMPLAUSIBLE
     ]
     return notes
+
+
+def agreement_line(result: Calibration) -> str:
+    """Whether the radii agree with the configuration, in one or two sentences."""
+    tested = [axle for axle in result.axles if axle.estimate is not None]
+    other = [axle for axle in tested if differs(axle, result)]
+    untested = [axle.axle for axle in result.axles if axle.estimate is None]
+    if other:
+        changes = ", ".join(f"axle {axle.axle} by {_change(axle)} %" for axle in other)
+        line = f"The radii differ from the configuration: {changes}."
+        if len(other) < len(tested):
+            line += " The others agree within their uncertainty."
+    else:
+        largest = max(tested, key=lambda axle: abs(axle.ratio - 1))
+        line = (
+            "The radii agree with the configuration within their uncertainty: the largest change "
+            f"is {_change(largest)} % at axle {largest.axle}."
+        )
+    return line + (f" Not tested: {_axles(untested)}." if untested else "")
+
+
+def _change(axle: AxleRadius) -> str:
+    """Change of a radius with its standard error, %."""
+    std = axle.estimate.std if axle.estimate else inf
+    return f"{100 * (axle.ratio - 1):+.3f} ± {100 * std / axle.configured:.3f}"
+
+
+def _axles(numbers: Sequence[int]) -> str:
+    return f"axle{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
 def _too_little(axle: AxleRadius, settings: CalibrationSettings) -> str:
@@ -97,9 +127,7 @@ def radius_rows(result: Calibration, rim: Collection[int]) -> list[tuple[str, ..
             f"{axle.configured:.4f} ± ?"
             if axle.estimate is None
             else plus_minus(axle.estimate.value, axle.estimate.std, 5),
-            "-"
-            if axle.estimate is None
-            else f"{100 * (axle.ratio - 1):+.3f} ± {100 * axle.estimate.std / axle.configured:.3f}",
+            "-" if axle.estimate is None else _change(axle),
             f"{axle.coasting_s:.1f}",
             "factor" if axle.axle in rim else "radius",
         )

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.files import whole_file
 from adhesion_can.reporting.trace_summary import SUMMARY_COLUMNS, summary_rows
 
@@ -205,7 +206,7 @@ def _extra(where: str) -> tuple[Any, Any]:
         raise InputError(
             where,
             f"an HTML page needs Jinja2 and Plotly (no module {error.name!r})",
-            "pip install 'adhesion-can[report]'",
+            install_extra("report"),
         ) from error
     return jinja2, get_plotlyjs
 

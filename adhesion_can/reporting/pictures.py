@@ -14,6 +14,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.files import whole_file
 from adhesion_can.reporting.page import Figure, Page
 
@@ -42,7 +43,7 @@ def require_pictures(where: str) -> None:
         raise InputError(
             where,
             f"pictures need Matplotlib (no module {error.name!r})",
-            "pip install 'adhesion-can[report]'",
+            install_extra("report"),
         ) from error
 
 

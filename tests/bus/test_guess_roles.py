@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.guess_roles import guess_roles
+from adhesion_can.bus.role_candidates import candidates, unused_signals
 from adhesion_can.bus.roles import packaged_choices
+from adhesion_can.bus.shared_efforts import distribute
+from adhesion_can.physics.readings import Role
 
 
 def database(*messages):
@@ -150,3 +153,74 @@ def test_no_signal_has_two_roles_and_no_role_two_signals(messages):
     names = [guess.name for guess in guessed.taken]
     assert len(set(names)) == len(names)
     assert not set(names) & set(guessed.rivals)
+    assert not set(taken) & {guess.place for guess in guessed.shared}
+
+
+WHEELS = ("Axles", [(f"WheelSpeed_{k}", "rpm") for k in (1, 2, 3, 4)])
+
+
+@pytest.mark.parametrize(
+    "efforts",
+    [
+        [(f"Motor{k}", [(f"Mot{k}_Effort", "kN")]) for k in (1, 2)],
+        [(f"Bogie{k}", [("Effort", "kN")]) for k in (1, 2)],
+        [("Traction", [("BogieForce_1", "kN"), ("BogieForce_2", "kN")])],
+        [("Traction", [("Force_1", "kN"), ("Force_2", "kN")])],
+    ],
+)
+def test_efforts_that_are_fewer_than_the_axles_are_no_efforts_of_axles(efforts):
+    guessed = guess_roles(database(WHEELS, *efforts))
+    assert {guess.role for guess in guessed.taken} == {Role.WHEEL_SPEED}
+    assert [guess.axle for guess in guessed.shared] == [1, 2]
+    places = [guess.place for guess in distribute(guessed.shared, 4)]
+    assert places == [guess.place for guess in guessed.shared for _ in range(2)]
+    assert {guess.share for guess in distribute(guessed.shared, 4)} == {0.5}
+    assert distribute(guessed.shared, 5) == distribute(guessed.shared, None) == ()
+
+
+@pytest.mark.parametrize(
+    "efforts",
+    [
+        [(f"Motor{k}", [(f"Mot{k}_Effort", "kN")]) for k in (1, 2, 3, 4)],
+        [(f"Bogie{k}", [(f"Force{k}", "kN")]) for k in (1, 2, 3, 4)],
+        [("Traction", [("Effort_Ax1", "kN"), ("Effort_Ax2", "kN")])],  # the others are trailing
+    ],
+)
+def test_efforts_of_axles_are_taken(efforts):
+    guessed = guess_roles(database(WHEELS, *efforts))
+    assert guessed.shared == ()
+    assert [g.axle for g in guessed.taken if g.role is Role.TRACTIVE_EFFORT] == list(
+        range(1, 1 + sum(len(signals) for _, signals in efforts))
+    )
+
+
+def test_efforts_of_bogies_without_wheel_speeds_are_not_assigned():
+    guessed = guess_roles(database(*((f"Bogie{k}", [("Effort", "kN")]) for k in (1, 2))))
+    assert guessed.taken == ()
+    assert [guess.place for guess in guessed.shared] == ["Bogie1.Effort", "Bogie2.Effort"]
+
+
+def test_an_effort_that_names_an_axle_is_preferred_to_that_of_a_motor():
+    efforts = [("Efforts", [(f"Effort_Ax{k}", "kN") for k in (1, 2, 3, 4)])]
+    efforts += [(f"Motor{k}", [("Effort", "kN")]) for k in (1, 2)]
+    guessed = guess_roles(database(WHEELS, *efforts))
+    assert places(guessed)["tractive_effort.1"] == "Efforts.Effort_Ax1"
+    assert guessed.shared == ()
+
+
+def test_a_wheel_needs_no_word_for_speed_where_its_unit_is_a_rotation():
+    guessed = guess_roles(database(("Drive", [("Wheel1", "rpm"), ("Wheel2", "kN")])))
+    assert places(guessed) == {"wheel_speed.1": "Drive.Wheel1"}
+
+
+def test_candidates_have_the_unit_of_a_role_and_those_with_its_words_come_first():
+    messages = database(
+        ("A", [("Pull", "kN"), ("Mot_Torque", "Nm")]),
+        ("B", [("Tractive_Sum", "kN"), ("T", "degC")]),
+    )
+    guessed = guess_roles(messages)
+    assert guessed.taken == ()
+    found = candidates(messages, guessed, Role.TRACTIVE_EFFORT)
+    assert [signal.name for _, signal in found] == ["Tractive_Sum", "Pull"]
+    assert candidates(messages, guessed, Role.AMBIENT_TEMPERATURE) == []
+    assert len(list(unused_signals(messages, guessed))) == 4

@@ -103,6 +103,19 @@ def test_worn_wheels_are_found_within_their_errors(found):
     assert any("offset" in note and "0.67 %" in note for note in result["notes"])
 
 
+def test_it_says_which_radii_differ_from_the_configuration(worn, found, tmp_path):
+    result, written = found
+    assert result["agrees_with_configuration"] is False
+    assert result["axles_that_differ"] == [2, 4]
+    assert result["axles_not_tested"] == []
+    assert result["agreement"].startswith("The radii differ from the configuration: axle 2 by -2.0")
+    assert result["agreement"].endswith(" The others agree within their uncertainty.")
+    again = calibrated(tmp_path, worn, "--config", written)
+    assert again["agrees_with_configuration"] is True
+    assert again["axles_that_differ"] == []
+    assert again["agreement"].startswith("The radii agree with the configuration within their")
+
+
 def test_the_public_function_finds_what_the_command_finds(worn, found):
     document, _ = found
     result = adhesion_can.calibrate(worn)

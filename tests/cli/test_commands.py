@@ -370,6 +370,8 @@ def test_the_demo_ends_with_its_table_and_a_recording_that_replay_takes(tmp_path
     assert main(["demo", "--headless", "--duration", "14", "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "Truth and estimate at the end of each surface" in text
+    page = out / "report.html"
+    assert f"\nreport: {page}; in a browser: {page.as_uri()}\n" in text
     phases = json.loads((out / "demo.json").read_text())["phases"]
     assert [p["surface"] for p in phases] == ["dry", "wet", "greasy", "dry"]
     assert max(abs(p["mu_max_error"]) for p in phases) < 0.05

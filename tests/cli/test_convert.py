@@ -24,6 +24,7 @@ from pyarrow import parquet
 
 from adhesion_can import __version__
 from adhesion_can.cli.main import main
+from adhesion_can.extras import install_extra
 from tests.wire import DBC, sealed
 
 CAR = Path(__file__).resolve().parents[1] / "data" / "car.dbc"
@@ -402,7 +403,7 @@ def test_a_missing_extra_is_reported_before_the_work(log, tmp_path, capsys, monk
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "asammdf", None)
     err = fails(capsys, log, "--out", tmp_path / "o.mf4")
-    assert "needs asammdf; pip install 'adhesion-can[mf4]'" in err
+    assert f"needs asammdf; {install_extra('mf4')}" in err
 
 
 @contextmanager

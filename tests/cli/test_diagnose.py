@@ -14,6 +14,7 @@ from adhesion_can.cli.diagnose import build_command_line
 from adhesion_can.cli.main import build_parser, main
 from adhesion_can.config.model_file import read_model
 from adhesion_can.diagnosis.result import Verdict
+from adhesion_can.extras import install_extra
 from adhesion_can.files import file_sha256
 from tests.reporting.test_diagnosis_report import (
     SECTIONS,
@@ -275,7 +276,7 @@ def test_without_the_extra_the_page_is_refused_before_the_work(
 ):
     monkeypatch.setitem(sys.modules, "jinja2", None)
     told = fails(capsys, tables[0], "--html", tmp_path / "r.html")
-    assert "pip install 'adhesion-can[report]'" in told
+    assert install_extra("report") in told
     assert engine.drives is None
 
 

@@ -18,6 +18,7 @@ import pytest
 from adhesion_can.cli import experiment as command
 from adhesion_can.cli.main import main
 from adhesion_can.experiments.runs import EXPERIMENTS, QUANTITIES
+from adhesion_can.extras import install_extra
 from tests.reporting.test_page import Elements, nothing_is_loaded
 
 SMALL = {
@@ -173,8 +174,8 @@ def test_without_the_extra_the_numbers_are_written_and_it_is_said(tmp_path, caps
     monkeypatch.setitem(sys.modules, "jinja2", None)
     assert experiment(2, tmp_path, "--jobs", 1) == 0
     said = capsys.readouterr()
-    assert "pip install 'adhesion-can[report]'" in said.out
-    assert "pip install 'adhesion-can[report]'" in said.err
+    assert install_extra("report") in said.out
+    assert install_extra("report") in said.err
     assert "experiment-2.html" not in said.out.split("no page")[0]
     assert {path.name for path in tmp_path.iterdir()} == {"experiment-2.json", "experiment-2.csv"}
 

@@ -1,5 +1,6 @@
 """`init`: the file that it writes, what it asks, and that nothing is invented."""
 
+import runpy
 import sys
 import tomllib
 from io import StringIO
@@ -103,3 +104,82 @@ def test_rivals_are_asked_and_empty_answers_leave_them_open(tmp_path, monkeypatc
     assert main(["init", "--dbc", str(dbc), "--out", str(out)]) == 0
     assert "vehicle_speed" not in tomllib.loads(out.read_text())["roles"]
     assert "# vehicle_speed: unclear; uncomment the right line, if any" in out.read_text()
+
+
+# --- motors that drive two axles, and what is left over
+
+
+@pytest.fixture
+def motors(tmp_path):
+    """Two motors for four axles."""
+    path = tmp_path / "motors.dbc"
+    wheels = "".join(f' SG_ Wheel{k} : {16 * k - 16}|16@1+ (0.1,0) [0|3000] "rpm" X\n'
+                     for k in (1, 2, 3, 4))  # fmt: skip
+    text = 'VERSION ""\nNS_ :\nBS_:\nBU_: X\nBO_ 256 Odo: 8 X\n'
+    text += ' SG_ TrainSpeed : 0|16@1+ (0.01,0) [0|120] "km/h" X\n'
+    text += f"BO_ 257 Axles: 8 X\n{wheels}"
+    for k in (1, 2):
+        text += f"BO_ {257 + k} Motor{k}: 8 X\n"
+        text += f' SG_ Mot{k}_Effort : 0|16@1- (0.01,0) [-100|100] "kN" X\n'
+        text += f' SG_ Mot{k}_Torque : 16|16@1- (1,0) [-9000|9000] "Nm" X\n'
+    path.write_text(text + 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 10000;\n'
+                    'BA_DEF_DEF_ "GenMsgCycleTime" 20;\n')  # fmt: skip
+    return path
+
+
+def test_efforts_of_motors_are_written_commented_with_the_factor(motors, tmp_path, capsys):
+    out = tmp_path / "motors.toml"
+    assert main(["init", "--dbc", str(motors), "--yes", "--out", str(out), *VEHICLE]) == 0
+    said = capsys.readouterr().err
+    assert "not assigned: 2 motor efforts for 4 axles; missing tractive_effort.1" in said
+    assert "2 signals not used: Motor1.Mot1_Torque, Motor2.Mot2_Torque" in said
+    text = out.read_text()
+    assert "tractive_effort" not in tomllib.loads(text)["roles"]
+    assert "# tractive_effort: 2 motor efforts for 4 axles." in text
+    assert "#   Motor2: Mot2_Torque (Nm)" in text
+    out.write_text(text.replace('# "tractive_effort', '"tractive_effort'))
+    config = load_configuration(out)
+    scales = {s.name: s.scale for m in config.messages for s in m.signals}
+    assert [scales[f"tractive_effort.{k}"] for k in (1, 2, 3, 4)] == [500.0] * 4
+    config.require_identification()
+
+
+def test_a_yes_gives_each_axle_its_share(motors, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "motors.toml"
+    words = ["init", "--dbc", str(motors), "--out", str(out), *VEHICLE]
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n"))
+    assert main(words) == 0
+    assert "does each drive 2 axles, in this order" in capsys.readouterr().err
+    roles = tomllib.loads(out.read_text())["roles"]
+    assert roles["tractive_effort.3"] == {"signal": "Motor2.Mot2_Effort", "factor": 0.5}
+    monkeypatch.setattr(sys, "stdin", Terminal("\n"))
+    assert main(words) == 0
+    assert "tractive_effort.3" not in tomllib.loads(out.read_text())["roles"]
+
+
+def test_a_role_that_is_not_found_has_its_candidates(motors, tmp_path, capsys):
+    motors.write_text(motors.read_text().replace("TrainSpeed", "Reading"))
+    out = tmp_path / "motors.toml"
+    assert main(["init", "--dbc", str(motors), "--yes", "--out", str(out)]) == 0
+    assert "vehicle_speed not found; candidates: Odo.Reading (km/h)\n" in capsys.readouterr().err
+    assert "#   candidates: Odo.Reading (km/h)\n" in out.read_text()
+
+
+def test_numbers_are_asked_for_with_examples(motors, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", Terminal("\n" * 9))
+    assert main(["init", "--dbc", str(motors), "--out", str(tmp_path / "motors.toml")]) == 0
+    asked = capsys.readouterr().err
+    for example in ("0.33", "90e3", "60", "40e3"):
+        assert f", such as {example} (tram) or " in asked
+
+
+def test_the_database_of_the_example_is_found(tmp_path):
+    example = Path(__file__).resolve().parents[2] / "docs" / "examples" / "own_database.py"
+    dbc, out = tmp_path / "own.dbc", tmp_path / "own.toml"
+    dbc.write_text(runpy.run_path(str(example))["DATABASE"])
+    assert main(["init", "--dbc", str(dbc), "--yes", "--out", str(out), *VEHICLE]) == 0
+    load_configuration(out).require_identification()
+    assert {choice.name for choice in load_configuration(out).choices} == {
+        "vehicle_speed",
+        *(f"{role}.{axle}" for role in ("wheel_speed", "tractive_effort") for axle in (1, 2, 3, 4)),
+    }

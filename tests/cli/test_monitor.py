@@ -20,6 +20,7 @@ from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.cli.monitor_source import LiveSource
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.monitoring.snapshot import Kind, MessageState, Origin
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.python_can_messages import to_message
@@ -455,7 +456,7 @@ def test_without_textual_it_says_what_to_install(logs, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "adhesion_can.cli.monitor_app", None)
     assert main(["monitor", str(logs / "full.log")]) == 2
     err = capsys.readouterr().err
-    assert "pip install 'adhesion-can[tui]'" in err
+    assert install_extra("tui") in err
     assert len(err.strip().splitlines()) == 1
 
 

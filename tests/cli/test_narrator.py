@@ -117,10 +117,11 @@ def test_the_last_status_and_doubt_are_told_however_they_flicker(states):
 @pytest.mark.usefixtures("restored_signals")
 def test_run_writes_json(capfd):
     words = ["run", "-i", "virtual", "-c", "narrated", "--duration", "0.1", "--log-format", "json"]
-    assert main(words) == 0
+    assert main(words) == 1
     found = [json.loads(line) for line in capfd.readouterr().err.splitlines()]
     assert "listening on" in found[0]["message"]
-    assert "frames received" in found[-1]["message"]
+    assert "frames received" in found[-2]["message"]
+    assert "nothing was identified" in found[-1]["message"]
 
 
 def test_another_format_is_refused(capsys):

@@ -75,7 +75,7 @@ def test_a_state_that_is_none_is_told_put_aside_and_the_service_begins_cold(tmp_
     handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
     try:
         words = ["run", "-i", "virtual", "-c", "x", "--duration", "0.2", "--state", str(state)]
-        assert main(words) == 0
+        assert main(words) == 1  # no frame came
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
@@ -121,8 +121,10 @@ def test_a_bus_that_is_gone_for_good_is_an_error_at_the_start_unless_it_is_waite
     words = ["run", "-i", "socketcan", "-c", "no-such-can", "--duration", "0.5"]
     assert main(words) == 2
     assert "cannot be opened" in capsys.readouterr().err
-    assert main([*words, "--wait"]) == 0
-    assert "trying again" in capsys.readouterr().err
+    assert main([*words, "--wait"]) == 1
+    said = capsys.readouterr().err
+    assert "trying again" in said
+    assert "in 0.5 s on socketcan no-such-can: nothing was identified" in said
 
 
 @cache

@@ -40,11 +40,12 @@ def test_a_bus_that_does_not_name_itself_bears_the_names_of_the_options():
     assert bus_name(Namespace(), "unknown") == "unknown"
 
 
-def test_run_says_what_it_listens_for(capsys):
-    assert main(["run", "-i", "virtual", "-c", "silent", "--duration", "2.4"]) == 0
+def test_run_says_what_it_listens_for_and_that_nothing_came(capsys):
+    assert main(["run", "-i", "virtual", "-c", "silent", "--duration", "2.4"]) == 1
     said = capsys.readouterr().err
     assert said.count("nothing received on Virtual bus channel silent yet") == 1
-    assert "WheelSpeeds1 0x101" in said
+    assert said.count("WheelSpeeds1 0x101") == 2
+    assert "came in 2.4 s on Virtual bus channel silent: nothing was identified" in said
 
 
 @pytest.mark.parametrize("closed", [True, False])

@@ -7,6 +7,7 @@ import threading
 import pytest
 
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_package
 from adhesion_can.fleet.cluster import gigabytes, probe, require_workers
 from adhesion_can.fleet.dataset import DataSet, put
 from adhesion_can.fleet.places import open_place
@@ -133,7 +134,9 @@ def test_a_file_behind_an_url_is_fetched_hashed_and_removed_again(tmp_path, monk
 def test_a_package_that_is_not_installed_is_named():
     with pytest.raises(InputError) as error:
         open_place("gs://bucket/a.log")
-    assert str(error.value) == ("gs://bucket/a.log: gs:// needs another package; pip install gcsfs")
+    assert str(error.value) == (
+        f"gs://bucket/a.log: gs:// needs another package; {install_package('gcsfs')}"
+    )
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "much"])

@@ -2,6 +2,7 @@
 
 import gc
 import gzip
+import re
 import struct
 import sys
 import tracemalloc
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.block import Block, Kind
 from adhesion_can.errors import RecordingError
+from adhesion_can.extras import install_extra
 from adhesion_can.recordings import recording as recordings
 from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.recording import Recording
@@ -509,7 +511,7 @@ def test_a_foreign_file_is_one_error(tmp_path, content):
 def test_without_asammdf_the_extra_is_named(tmp_path, monkeypatch):
     path = logged(tmp_path / "a.mf4", group(3))
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(RecordingError, match=r"needs asammdf; pip install 'adhesion-can\[mf4\]'"):
+    with pytest.raises(RecordingError, match=re.escape(f"needs asammdf; {install_extra('mf4')}")):
         list(Recording(path).blocks())
 
 

@@ -19,6 +19,7 @@ from adhesion_can.service.state_file import read_state
 from tests.terminals import Terminal
 
 WORDS = ["run", "-i", "virtual", "-c", "state", "--duration", "0.1", "--state"]
+"""Words of a service on a bus without a frame, which therefore ends with 1."""
 CODE = "import sys; from adhesion_can.cli.main import main; sys.exit(main())"
 EMPTY = KeptState(fingerprint(load_configuration()))
 
@@ -89,7 +90,7 @@ def test_a_service_begins_cold_on_a_disk_that_is_read_only(tmp_path, monkeypatch
 
     monkeypatch.setattr("os.open", read_only)
     monkeypatch.setattr("os.replace", fails)
-    assert main([*WORDS, str(path)]) == 0
+    assert main([*WORDS, str(path)]) == 1
     said = capsys.readouterr().err
     assert "starting cold; it cannot be renamed (Read-only" in said
     assert [one.name for one in tmp_path.iterdir()] == ["state"]
@@ -138,8 +139,8 @@ def test_a_second_service_on_one_state_is_refused(tmp_path, capsys):
         f"adhesion-can run: --state {path}: is in use by another process of adhesion-can; stop "
         f"that process, or name another file ({path}.lock)\n"
     )
-    assert main([*WORDS, str(path)]) == 0
-    assert main([*WORDS, str(path)]) == 0
+    assert main([*WORDS, str(path)]) == 1
+    assert main([*WORDS, str(path)]) == 1
 
 
 def test_two_services_and_a_third_after_the_first_was_killed(tmp_path):
@@ -155,5 +156,5 @@ def test_two_services_and_a_third_after_the_first_was_killed(tmp_path):
         first.process.wait(60)
         for file in first.files:
             file.close()
-    assert run(path)[0] == 0
+    assert run(path)[0] == 1
     assert Path(f"{path}.lock").exists()

@@ -4,48 +4,50 @@ import argparse
 from collections.abc import Iterator
 from importlib import import_module
 
-from adhesion_can.cli.main import COMMANDS
+from adhesion_can.cli.bus_options import TITLE
+from adhesion_can.cli.commands import COMMANDS, GROUPS, example_lines
 from reference_pages.markdown import GENERATED, code, page, plain, table
 
 INTRODUCTION = """
 Exit status: 0 done, 1 a check failed, 2 bad input, with one line that says what, where and how to
 correct it. `adhesion-can COMMAND --help` prints the same arguments. Commands that open a bus take
-python-can's options `-i`, `-c`, `-b`, `--fd` and `--bus-kwargs`, its `~/.canrc` and its environment
-`CAN_*`. Every command takes `--progress` and `--no-progress`: the progress of long work, on stderr;
-without either it is shown on a terminal.
+python-can's options `-i`, `-c`, `-b`, `--fd` and `--bus-kwargs` (`--help-bus` prints all of them),
+its `~/.canrc` and its environment `CAN_*`. Every command takes `--progress` and `--no-progress`:
+the progress of long work, on stderr; without either it is shown on a terminal.
 """
-BUS = "bus (python-can)"
-"""Title of the group of python-can's own options, which differ from version to version."""
 USUAL_GROUPS = ("options", "positional arguments", "vehicle and database")
 """Titles of groups that say nothing of their options."""
 
 
 def commands_page() -> str:
     """Every command with its arguments."""
-    overview = [[f"[`{name}`](#{name})", text] for name, text in COMMANDS.items()]
-    parts = ["# Commands", GENERATED, INTRODUCTION, table(["command", "what it does"], overview)]
-    for name, line in COMMANDS.items():
+    overview = [
+        [group, f"[`{name}`](#{name})", command.line]
+        for group in GROUPS
+        for name, command in COMMANDS.items()
+        if command.group == group
+    ]
+    headings = ["use", "command", "what it does"]
+    parts = ["# Commands", GENERATED, INTRODUCTION, table(headings, overview)]
+    for name, command in COMMANDS.items():
         parser = argparse.ArgumentParser(prog=f"adhesion-can {name}", add_help=False)
         import_module(f"adhesion_can.cli.{name}").add_arguments(parser)
         groups = parser._action_groups  # noqa: SLF001  argparse lists its arguments nowhere else
-        own = [group for group in groups if group.title != BUS]
-        parts += [f"## `{name}`", *description(parser, line)]
+        own = [group for group in groups if group.title != TITLE]
+        parts += [f"## `{name}`", *description(parser, command.line)]
         rows = [row for group in own for row in argument_rows(group, parser)]
         if rows:
             parts.append(table(["argument", "meaning"], rows))
         if len(own) < len(groups):
             parts.append("And python-can's options of the bus.")
+        parts.append("\n".join(["```sh", *example_lines(name), "```"]))
     return page(parts)
 
 
 def description(parser: argparse.ArgumentParser, line: str) -> list[str]:
     """Paragraphs of a command's description and epilogue; what is laid out in lines stays so."""
     texts = [text.strip() for text in (parser.description or line, parser.epilog) if text]
-    raw = issubclass(parser.formatter_class, argparse.RawDescriptionHelpFormatter)
-    return [
-        f"```text\n{text}\n```" if raw and "\n" in text else " ".join(text.split())
-        for text in texts
-    ]
+    return [f"```text\n{text}\n```" if "\n" in text else text for text in texts]
 
 
 def argument_rows(

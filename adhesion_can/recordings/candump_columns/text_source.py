@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.errors import RecordingError
+from adhesion_can.extras import install_extra
 from adhesion_can.recordings.candump import ReadReport
 
 Text = NDArray[np.uint8]
@@ -256,7 +257,7 @@ def _zstd_pieces(stored: BinaryIO, path: Path) -> Iterator[bytes]:
         import zstandard  # noqa: PLC0415  an extra is imported where it is needed
     except ImportError as error:
         raise RecordingError(
-            str(path), "zstd needs the package zstandard", "pip install 'adhesion-can[zstd]'"
+            str(path), "zstd needs the package zstandard", install_extra("zstd")
         ) from error
     frame = None
     packed = b""

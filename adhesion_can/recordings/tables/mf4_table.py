@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from adhesion_can.errors import TableError
+from adhesion_can.extras import install_extra
 from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4 import open_mf4
 from adhesion_can.recordings.tables.columns import Column, Columns
@@ -114,7 +115,7 @@ def _opened(path: Path) -> Iterator[Any]:
     except (TableError, MemoryError):
         raise
     except ImportError as error:
-        mend = "pip install 'adhesion-can[mf4]'"
+        mend = install_extra("mf4")
         raise TableError(str(path), "MF4 needs asammdf", mend) from error
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error

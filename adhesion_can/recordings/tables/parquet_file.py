@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.errors import TableError
+from adhesion_can.extras import install_extra
 from adhesion_can.recordings.tables.columns import Column, Columns, split_unit
 
 ALWAYS_READ, MOST_CELLS = 2_000_000, 100
@@ -22,9 +23,7 @@ def read_parquet(path: Path) -> Columns:
         import pyarrow as pa
         from pyarrow import parquet
     except ImportError as error:
-        raise TableError(
-            str(path), "Parquet needs pyarrow", "pip install 'adhesion-can[parquet]'"
-        ) from error
+        raise TableError(str(path), "Parquet needs pyarrow", install_extra("parquet")) from error
     try:
         about = parquet.read_metadata(path)
         _require_room(path, about.num_rows * about.num_columns)

@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import NamedTuple
 
 from adhesion_can.errors import InputError
+from adhesion_can.extras import install_extra
 from adhesion_can.reporting.export.message_folder import listed_files
 
 STDOUT = "-"
@@ -147,7 +148,7 @@ class Target:
             raise InputError(
                 str(self.path),
                 f"this format needs {form.library}",
-                f"pip install 'adhesion-can[{form.extra}]'",
+                install_extra(form.extra),
             ) from error
 
 

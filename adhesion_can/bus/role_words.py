@@ -1,0 +1,160 @@
+"""Words of names in databases, and what each says about the role of a signal.
+
+Words are in lower case and without umlauts; languages are mixed, as in the databases of trains.
+"""
+
+import re
+from collections.abc import Mapping
+
+from adhesion_can.physics.readings import Role
+
+WHEEL = {"wheel", "whl", "wheelset", "wheelspeed", "whlspd", "axle", "axl", "ax", "axis",
+          "radsatz", "rs", "rad", "achse", "achs", "omega", "essieu", "roue", "eje", "rueda",
+          "asse", "ruota"}  # fmt: skip
+SPEED = {"speed", "spd", "velocity", "vel", "v", "n", "omega", "w", "drehzahl", "rpm",
+          "geschwindigkeit", "geschw", "vitesse", "velocidad", "velocita", "rotspeed", "tacho",
+          "whlspd", "wheelspeed"}  # fmt: skip
+_VEHICLE = {"vehicle", "veh", "train", "ground", "fahrzeug", "fzg", "zug", "loco", "radar",
+            "gnss", "gps", "odometry", "odometer", "odo", "ist", "true", "actual", "act", "fahr",
+            "trein", "tram"}  # fmt: skip
+VEHICLE_WHOLE = {"vehiclespeed", "groundspeed", "trainspeed", "fahrgeschwindigkeit", "vfzg",
+                  "vveh", "vist", "vtrain", "zuggeschwindigkeit"}  # fmt: skip
+_EFFORT = {"effort", "te", "force", "zugkraft", "kraft", "antriebskraft", "tractiveeffort",
+           "tractive", "traction", "traktion", "tracteff", "rimforce", "fx", "f", "effortrim",
+           "fuerza", "forza", "zk"}  # fmt: skip
+_LOAD = {"load", "weight", "last", "achslast", "radlast", "radsatzlast", "axleload", "axload",
+         "charge", "normal", "fz", "gewicht", "carga"}  # fmt: skip
+_AMBIENT = {"ambient", "outside", "outdoor", "aussen", "umgebung", "air", "amb", "luft"}
+_RAIL = {"rail", "schiene", "schienen"}
+_TEMPERATURE = {"temperature", "temp", "temperatur", "tmp", "t"}
+_HUMIDITY = {"humidity", "hum", "rh", "feuchte", "luftfeuchte", "relativehumidity", "humidite"}
+_SANDING = {"sand", "sanding", "sander", "sandung", "sandstreuer", "sablage", "sanden"}
+_RAIN = {"rain", "regen", "rainsensor", "pluie", "wiper"}
+_GRADIENT = {"gradient", "grade", "slope", "steigung", "neigung", "pente"}
+_CURVATURE = {"curvature", "curv", "kruemmung", "courbure"}
+_DIRECTION = {"direction", "dir", "fahrtrichtung", "richtung", "reverser", "sens"}
+SOURCE = {"source", "src", "quelle"}
+AGAINST = {"setpoint", "set", "soll", "demand", "dmd", "req", "request", "target", "max", "min",
+            "limit", "lim", "avail", "available", "valid", "validity", "quality", "status", "stat",
+            "fault", "err", "error", "std", "raw", "mean", "avg", "average", "filtered", "filt",
+            "motor", "mot", "engine", "wind", "fan", "brake", "brk", "bremse", "oil", "cylinder",
+            "lateral", "lat", "vertical", "yaw", "enable", "cmd", "command", "reference", "ref",
+            "est", "estimated", "test", "sim", "old", "backup", "redundant", "prev", "diff",
+            "threshold", "acc", "accel", "acceleration", "offset", "crc", "alive", "counter", "cnt",
+            "creep", "slip", "schlupf", "cabin", "innen", "inside", "coolant", "inverter",
+            "gearbox", "bearing", "lager", "oel", "display", "anzeige", "trailer", "sum", "total",
+            "all", "whole", "angle", "level", "tank", "door"}  # fmt: skip
+"""Words that make a signal another quantity, or another form of it, than the measured one."""
+AXLE_MESSAGES = {*WHEEL, "drive", "motor", "mot", "antrieb", "traktion", "traction", "trk"}
+"""Words of messages whose number is that of an axle."""
+GROUPS = {
+    "motor": "motor",
+    "mot": "motor",
+    "bogie": "bogie",
+    "truck": "bogie",
+    "drehgestell": "bogie",
+    "dg": "bogie",
+    "carrello": "bogie",
+    "inverter": "inverter",
+    "umrichter": "inverter",
+}
+"""Words of what may drive several axles, and the English one."""
+SIDES = {"l", "r", "left", "right", "fl", "fr", "rl", "rr", "links", "rechts"}
+STATES: Mapping[Role, Mapping[int, frozenset[str]]] = {
+    Role.SPEED_SOURCE: {
+        1: frozenset({"radar"}),
+        2: frozenset({"gnss", "gps"}),
+        3: frozenset({"trailing"}),
+        4: frozenset({"derived"}),
+    },
+    Role.DIRECTION: {
+        1: frozenset({"forward", "forwards", "vorwaerts", "vor", "fwd"}),
+        2: frozenset({"reverse", "backward", "backwards", "rueckwaerts", "rev"}),
+    },
+    Role.RAIN: {0: frozenset({"none", "no", "dry", "off", "kein"})},
+    Role.SANDING: {0: frozenset({"off", "no", "aus", "inactive", "false"})},
+}
+"""Words that the value table has for raw values, where a role is a state; those of the contract."""
+
+
+PAIRS: Mapping[Role, tuple[set[str], set[str]]] = {
+    Role.WHEEL_SPEED: (SPEED, WHEEL),
+    Role.VEHICLE_SPEED: (SPEED, _VEHICLE),
+    Role.AMBIENT_TEMPERATURE: (_TEMPERATURE, _AMBIENT),
+    Role.RAIL_TEMPERATURE: (_TEMPERATURE, _RAIL),
+}
+"""Words of the quantity and of the thing that has it, by role."""
+SINGLE: Mapping[Role, set[str]] = {
+    Role.TRACTIVE_EFFORT: _EFFORT,
+    Role.AXLE_LOAD: _LOAD,
+    Role.SPEED_SOURCE: SOURCE,
+    Role.HUMIDITY: _HUMIDITY,
+    Role.SANDING: _SANDING,
+    Role.RAIN: _RAIN,
+    Role.GRADIENT: _GRADIENT,
+    Role.CURVATURE: _CURVATURE,
+    Role.DIRECTION: _DIRECTION,
+}
+"""Words of roles of which one says all."""
+OTHERS: Mapping[Role, frozenset[str]] = {
+    Role.WHEEL_SPEED: frozenset(_VEHICLE - {"act", "ist", "actual", "true"}),
+    Role.VEHICLE_SPEED: frozenset(WHEEL | SOURCE),
+    Role.TRACTIVE_EFFORT: frozenset(_LOAD),
+}
+"""Words of the signal's own name that make it another quantity."""
+
+
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "é": "e", "è": "e"})
+_COMPOUNDS = {
+    "radsatzdrehzahl": ("radsatz", "drehzahl"),
+    "raddrehzahl": ("rad", "drehzahl"),
+    "achsdrehzahl": ("achse", "drehzahl"),
+    "aussentemperatur": ("aussen", "temperatur"),
+    "schienentemperatur": ("schiene", "temperatur"),
+    "lufttemperatur": ("luft", "temperatur"),
+    "wheelspeed": ("wheel", "speed"),
+    "wheelspeeds": ("wheel", "speed"),
+    "axlespeed": ("axle", "speed"),
+    "axlespeeds": ("axle", "speed"),
+    "whlspd": ("whl", "spd"),
+    "groundspeed": ("ground", "speed"),
+    "vehiclespeed": ("vehicle", "speed"),
+}
+
+
+_PLURALS = {"wheels", "axles", "speeds", "loads", "efforts", "forces"}
+
+
+def split_words(name: str) -> tuple[list[str], int | None]:
+    """Words of a name in lower case, and its number; None where it has none, or more than one.
+
+    Of several numbers the one behind a word for an axle counts.
+    """
+    words, numbers, of_axles = _split(name)
+    one = of_axles if len(of_axles) == 1 else numbers
+    return words, one[0] if len(one) == 1 else None
+
+
+def counts_axles(name: str) -> bool:
+    """Whether the number of a name follows a word for an axle."""
+    return len(_split(name)[2]) == 1
+
+
+def _split(name: str) -> tuple[list[str], list[int], list[int]]:
+    """Words of a name, its numbers, and those of its numbers that follow a word for an axle."""
+    plain = name.translate(_UMLAUTS)
+    plain = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", plain)
+    plain = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", plain)
+    parts = re.findall(r"[a-z]+|[0-9]+", plain.lower())
+    words: list[str] = []
+    numbers: list[int] = []
+    of_axles: list[int] = []
+    for part in parts:
+        if part.isdigit():
+            numbers.append(int(part))
+            if words and words[-1] in WHEEL:
+                of_axles.append(int(part))
+            continue
+        singular = part[:-1] if part in _PLURALS else part
+        words.extend(_COMPOUNDS.get(part, (singular,)))
+    return words, numbers, of_axles

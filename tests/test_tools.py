@@ -1,0 +1,61 @@
+"""The shell tools: what they install, and that help installs nothing."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+FAKE_PYTHON = """#!/bin/bash
+echo "$*" >>"$(dirname "$0")/calls"
+"""
+
+
+@pytest.fixture
+def clone(tmp_path):
+    """A clone with the tools, and no environment."""
+    (tmp_path / "tools").mkdir()
+    for name in ("bench", "demo", "env.sh"):
+        shutil.copy(ROOT / "tools" / name, tmp_path / "tools")
+    shutil.copytree(ROOT / "tools" / "benchmarks", tmp_path / "tools" / "benchmarks")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def run(clone, tool, *words):
+    return subprocess.run(
+        [clone / "tools" / tool, *words], capture_output=True, text=True, check=False, timeout=60
+    )
+
+
+@pytest.mark.parametrize("word", ["--help", "-h"])
+def test_help_of_the_benches_installs_nothing(clone, word):
+    done = run(clone, "bench", word)
+    assert done.returncode == 0
+    assert done.stdout.startswith("Benchmarks: ")
+    assert "tools/bench closed-loop " in done.stdout
+    assert "#" not in done.stdout
+    assert done.stderr == ""
+    assert not (clone / ".venv").exists()
+
+
+def test_an_unknown_bench_is_named_before_anything_is_installed(clone):
+    done = run(clone, "bench", "nothing")
+    assert done.returncode == 1
+    assert "there are: buses closed_loop " in done.stderr
+    assert not (clone / ".venv").exists()
+
+
+def test_the_demo_installs_the_extra_of_its_report_and_says_how_long_that_takes(clone):
+    programs = clone / ".venv" / "bin"
+    programs.mkdir(parents=True)
+    for name in ("python", "adhesion-can"):
+        (programs / name).write_text(FAKE_PYTHON)
+        (programs / name).chmod(0o755)
+    done = run(clone, "demo", "--headless")
+    calls = (programs / "calls").read_text().splitlines()
+    assert any(line.endswith(f"-e {clone}[report]") for line in calls)
+    assert calls[-1] == "demo --headless"
+    assert "with its extra 'report' (once; one to three minutes)" in done.stderr
