@@ -59,18 +59,18 @@ def with_stamps(text, change):
 
 
 REFUSED = {
-    "repaly drive.log": "adhesion-can: no command 'repaly'; near are replay",
-    "replay drive.log --form 1": "replay: no option --form; near are --from",
-    "replay drive.log --tabel=x.csv": "replay: no option --tabel; near are --table",
+    "repaly drive.log": "adhesion-can: no command 'repaly'; similar names: replay",
+    "replay drive.log --form 1": "replay: no option --form; similar names: --from",
+    "replay drive.log --tabel=x.csv": "replay: no option --tabel; similar names: --table",
     "replay --zzzzz drive.log": "replay: no option --zzzzz; see 'adhesion-can replay --help'",
     "simulate dry --scenario dry": "simulate: 'dry' is one argument too many",
     "simulate --scenario dry": "simulate: --log and -i: neither is given; name a log, or a bus",
     "simulate --scenario dry --log a.log -c vcan0": "--log and -i: both are given",
-    "identify drive.log --curve polak": "identify: --curve: no 'polak'; near are polach",
+    "identify drive.log --curve polak": "identify: --curve: no 'polak'; similar names: polach",
     "experiment 4": "experiment: 1|2|3: no '4'; known: 1, 2, 3",
-    "run -i socketkan -c vcan0": "near are socketcan",
+    "run -i socketkan -c vcan0": "similar names: socketcan",
     "run": "run: -i: no interface is given; pass for example -i socketcan -c vcan0",
-    "run -i udp_multicast -c 239.74.163.2 --bus-kwargs hoplimit=0": "near are hop_limit",
+    "run -i udp_multicast -c 239.74.163.2 --bus-kwargs hoplimit=0": "similar names: hop_limit",
     "run -c vcan0": "run: -i: no interface is given",
     "replay nowhere.log": "nowhere.log: No such file or directory; check the path",
     "replay folder.log": "folder.log: Is a directory; check the path",
@@ -93,7 +93,7 @@ REFUSED = {
     "replay us.log": "its stamps seem to be in us",
     "replay us.log --realtime": "its stamps seem to be in us",
     "diagnose thousandth.log": "its stamps seem to be a thousandth of the time in seconds",
-    "calibrate drive.log": "of the simulated scenarios 'sweep' coasts",
+    "calibrate drive.log": "of the simulated scenarios, 'sweep' coasts",
 }
 """The line by what is typed, after 'adhesion-can', in a folder with the files of the fixture."""
 

@@ -185,10 +185,8 @@ def test_a_file_cut_at_any_byte_gives_what_is_whole_and_says_so(folder):
         blocks, report = read(folder, content[:length])
         found = items(blocks)
         assert found == whole[: len(found)]
-        assert report.notes == [
-            f"the file is truncated: it has {length} of the {len(content)} bytes that its "
-            "header states"
-        ]
+        states = f"{length} of the {len(content)} bytes that its header states"
+        assert report.notes == [f"the file is truncated: it has {states}"]
         # A logger that lost power never came to write its length.
         lost = content[:8] + content[8:16] + bytes(8) + content[24:length]
         blocks, report = read(folder, lost)
