@@ -320,7 +320,7 @@ def test_signals_that_match_nothing_name_what_is_near(log, tmp_path, capsys):
     arguments = (log, "--out", tmp_path / "o.csv", "--signals", "Wheel*")
     err = fails(capsys, *arguments, "wheelspeed1")
     assert "--signals wheelspeed1: matches no message or signal of adhesion.dbc" in err
-    assert "near are WheelSpeeds1" in err
+    assert "similar names: WheelSpeeds1" in err
     assert "cantools dump" in fails(capsys, *arguments, "qqqqqqqq")
     assert not (tmp_path / "o.csv").exists()
 

@@ -294,7 +294,7 @@ def test_data_frames_open_as_the_page_says(made, monkeypatch, capsys, library):
     ("words", "said"),
     [
         ((), "fleet: nothing to read; give LOG .. or --units F.csv"),
-        (("a.log", "--steps", "chek"), "no step 'chek'; near are check"),
+        (("a.log", "--steps", "chek"), "no step 'chek'; similar names: check"),
         (("a.log", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "--workers: the workers"),
         (("a.log", "--memory", "much"), "--memory much: not a number of GB; write 2 or 3.5"),
         (("a.log", "--workers", "0"), "--workers 0: no worker"),

@@ -91,7 +91,7 @@ def test_a_manifest_names_vehicle_line_and_place(folder):
     [
         ("path,vehicle\n", "no row"),
         ("path\na/one.log\n", "no column 'vehicle'; begin with path,vehicle"),
-        ("path,vehicle,latitud\n", "no column 'latitud' is known; near are latitude"),
+        ("path,vehicle,latitud\n", "no column 'latitud' is known; similar names: latitude"),
         ("path,vehicle\na/one.log,\n", "line 2: no vehicle; fill it in"),
         ("path,vehicle\na/gone.log,x\n", "gone.log: No such file or directory"),
         ("path,vehicle\na,x\n", "line 2: a is not a single file; write a row for each recording"),

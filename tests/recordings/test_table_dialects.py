@@ -113,7 +113,7 @@ def test_columns_are_named_with_unit_and_sign(tmp_path):
 
 def test_a_column_that_is_nearly_named_is_told(tmp_path):
     path = written(tmp_path / "a.csv", names=("time_s", "Schlupf", "adhesion"))
-    with pytest.raises(TableError, match=r"no column 'Schlup' for 'slip'; near are Schlupf"):
+    with pytest.raises(TableError, match=r"no column 'Schlup' for 'slip'; similar names: Schlupf"):
         is_table(path, [parse_choice("slip=Schlup")])
 
 
