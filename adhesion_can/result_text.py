@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
 
+HELD_OUT_RMSE = "held-out score, σ"
+"""Heading of the held-out score: RMSE of the whitened residuals of held-out data, in standard
+deviations of the noise; smaller is better."""
+
 
 def html_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """HTML table with a caption.

@@ -34,6 +34,8 @@ from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.choice import ColumnChoice
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
+from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
+from adhesion_can.reporting.next_steps.next_step import Typed
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,12 +91,22 @@ def diagnose(
     config = as_configuration(configuration)
     files = list_input_files(as_paths(inputs), as_paths(holdout), config.columns)
     progress = show or _show_nothing
-    asked = read_formulas(formulas)
+    texts = tuple(formulas)
+    asked = read_formulas(texts)
     loaded = load_inputs(files, config, progress)
     limits = config.limits if next_drive else None
-    return diagnose_inputs(
+    found = diagnose_inputs(
         loaded, progress, asked, limits=limits, witness=config if witness else None
     )
+    named = [] if isinstance(configuration, Configuration | None) else [str(configuration)]
+    typed = Typed(
+        inputs=tuple(file.path for file in files if not file.held_out),
+        tables=any(read.drive.table for read in loaded),
+        configuration=tuple(word for path in named for word in ("--config", path)),
+        formulas=texts,
+        holdout=tuple(file.path for file in files if file.held_out),
+    )
+    return replace(found, next_step=after_diagnosis(found, typed, config).line)
 
 
 def _show_nothing(_work: str, _share: float) -> None:

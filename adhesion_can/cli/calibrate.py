@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.next_step import print_next, typed_words
 from adhesion_can.cli.reading import reading
 from adhesion_can.cli.reports import (
     add_report,
@@ -50,6 +52,7 @@ from adhesion_can.reporting.calibration import (
     speed_lines,
 )
 from adhesion_can.reporting.calibration_page import CoastingPlots, page
+from adhesion_can.reporting.next_steps.after_calibration import after_calibration
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.sampling.traces import Trace
@@ -149,8 +152,9 @@ def run(options: argparse.Namespace) -> int:
     problems = describe_problems(recordings)
     origin = provenance(config, inputs)
     agreement = agreement_line(result)
+    step = after_calibration(result, typed_words(options, options.log), rim)
     document = {**result.to_dict(rim), **agreement_dict(result), "agreement": agreement}
-    document |= {"notes": notes, "problems": problems, **origin}
+    document |= {"notes": notes, "problems": problems, "next": step.line, **origin}
     write_json(options.json, document)
     if options.out is not None:
         text = with_correction(
@@ -164,12 +168,14 @@ def run(options: argparse.Namespace) -> int:
         names = [recording.path.name for recording in recordings]
         made = CoastingPlots.build(drives, names, config.vehicle, settings, result)
         about = [agreement, *speed_lines(result, settings), *notes, *problems]
-        lines = write_report(page(result, made, rim, about, said), options)
+        report = page(result, made, rim, about, said)
+        lines = write_report(replace(report, next_step=step.line), options)
     if talk(options):
         out = console()
         out.print(radius_table(result, rim))
         for line in [agreement, *speed_lines(result, settings), *notes, *problems, *lines]:
             out.print(line, markup=False)
+        print_next(step)
     return 0
 
 

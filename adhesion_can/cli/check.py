@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from adhesion_can.api.inputs import describe_left_out
@@ -15,6 +16,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.next_step import print_next, typed_words
 from adhesion_can.cli.reading import reading
 from adhesion_can.cli.reports import (
     add_report,
@@ -43,6 +45,7 @@ from adhesion_can.reporting.check_page import (
     table_page,
 )
 from adhesion_can.reporting.data_quality import MESSAGE_COLUMNS, message_rows
+from adhesion_can.reporting.next_steps.after_recording import after_check
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 
@@ -80,13 +83,16 @@ def run(options: argparse.Namespace) -> int:
     names = distinct_names(options.log)
     result.findings[:0] = [f"{n}: {r.kind}" for n, r in zip(names, recordings, strict=True)]
     origin = provenance(config, options.log)
-    write_json(options.json, {**result.as_json(), **origin})
+    step = after_check([result], typed_words(options, options.log))
+    write_json(options.json, {**result.as_json(), "next": step.line, **origin})
     lines = []
     if is_asked_for(options):
-        lines = write_report(recording_page(result, page_provenance(origin, options)), options)
+        report = recording_page(result, page_provenance(origin, options))
+        lines = write_report(replace(report, next_step=step.line), options)
     if talk(options):
         _print(result)
         _print_lines(lines)
+        print_next(step)
     return 1 if result.failures else 0
 
 
@@ -96,16 +102,19 @@ def _check_tables(options: argparse.Namespace, config: Configuration) -> int:
     for name, path in zip(distinct_names(options.log), options.log, strict=True):
         rows = read_table(path, config.columns)
         results.append(check_table(name, rows, describe_left_out(rows, slip_max), config))
-    document = {"tables": [result.to_dict() for result in results]}
+    step = after_check(results, typed_words(options, options.log, tables=True))
+    document = {"tables": [result.to_dict() for result in results], "next": step.line}
     origin = provenance(config, options.log)
     write_json(options.json, {**document, **origin})
     lines = []
     if is_asked_for(options):
-        lines = write_report(table_page(results, page_provenance(origin, options)), options)
+        report = table_page(results, page_provenance(origin, options))
+        lines = write_report(replace(report, next_step=step.line), options)
     if talk(options):
         for result in results:
             _print_table(result)
         _print_lines(lines)
+        print_next(step)
     return 1 if any(result.failures for result in results) else 0
 
 

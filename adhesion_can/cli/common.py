@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from shutil import which
 from typing import TYPE_CHECKING, Any
 
 from adhesion_can.bus.database import CanDatabase
@@ -145,7 +146,7 @@ def progress(what: str, total: float, unit: str) -> Iterator[Callable[[float], N
 def own_command() -> str:
     """The command as it can be typed again: the path by which it was called, from here."""
     called = Path(sys.argv[0])
-    if called.name != "adhesion-can":
+    if called.name != "adhesion-can" or which(called.name) == str(called):
         return "adhesion-can"
     here = Path.cwd()
     return str(called.relative_to(here) if called.is_relative_to(here) else called)

@@ -25,6 +25,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.next_step import print_next, typed_words
 from adhesion_can.cli.reports import (
     add_report,
     is_asked_for,
@@ -43,6 +44,7 @@ from adhesion_can.reporting.diagnosis import (
     terminal,
 )
 from adhesion_can.reporting.diagnosis_page import page
+from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 from adhesion_can.version import __version__
@@ -120,6 +122,9 @@ def run(options: argparse.Namespace) -> int:
         found = diagnose_inputs(
             loaded, show, formulas, limits=limits, witness=config if options.witness else None
         )
+    is_table = any(read.drive.table for read in loaded)
+    step = after_diagnosis(found, typed_words(options, options.inputs, tables=is_table), config)
+    found = replace(found, next_step=step.line)
     command = build_command_line(options)
     problems = [problem for read in loaded for problem in read.problems]
     problems += [
@@ -149,6 +154,7 @@ def run(options: argparse.Namespace) -> int:
     if talk(options):
         written += [] if options.json is None else [options.json]
         _print(found, [*problems, *(f"written: {path}" for path in written), *report])
+        print_next(step)
     return 0
 
 

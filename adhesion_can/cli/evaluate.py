@@ -1,6 +1,7 @@
 """`evaluate`: a model on recordings or tables, as its file has it and with its curve refitted."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from adhesion_can.api.diagnosis import list_input_files, load_inputs
@@ -15,6 +16,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.next_step import print_next, typed_words
 from adhesion_can.cli.reports import (
     add_report,
     is_asked_for,
@@ -25,6 +27,7 @@ from adhesion_can.cli.reports import (
 )
 from adhesion_can.plurals import counted
 from adhesion_can.reporting.evaluation import page, render_evaluation
+from adhesion_can.reporting.next_steps.after_recording import after_evaluation
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
 
@@ -62,15 +65,19 @@ def run(options: argparse.Namespace) -> int:
         rows = counted(found.left_out, "row")
         problems.append(f"dropped {rows}: the effects of the model have no finite value there")
     origin = provenance(config, options.inputs)
-    write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
+    is_table = any(one.drive.table for one in loaded)
+    step = after_evaluation(found, typed_words(options, options.inputs, tables=is_table))
+    write_json(options.json, {**found.to_dict(), "problems": problems, "next": step.line, **origin})
     lines = []
     if is_asked_for(options):
         entries = page_provenance(origin, options)
-        lines = write_report(page(found, str(options.model), problems, entries), options)
+        report = page(found, str(options.model), problems, entries)
+        lines = write_report(replace(report, next_step=step.line), options)
     if talk(options):
         out = console()
         for part in render_evaluation(found):
             out.print(part, markup=False) if isinstance(part, str) else out.print(part)
         for line in (*problems, *lines):
             out.print(line, markup=False)
+        print_next(step)
     return 0

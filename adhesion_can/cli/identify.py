@@ -23,6 +23,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.next_step import print_next, typed_words
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
@@ -33,6 +34,7 @@ from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.curves import family_lines, render_curves
+from adhesion_can.reporting.next_steps.after_recording import after_identification
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
@@ -83,12 +85,15 @@ def run(options: argparse.Namespace) -> int:
             "; ".join(left_out_lines(left_out)) or "see the result of 'adhesion-can check'",
         )
     extension = {} if config.model is None else _extension_json(config.model, loaded)
+    tables = are_tables(options.inputs, config)
+    step = after_identification(result, typed_words(options, options.inputs, tables=tables))
     write_json(
         options.json,
         {
             **result.to_dict(),
             **extension,
             "problems": problems,
+            "next": step.line,
             **provenance(config, options.inputs),
         },
     )
@@ -96,6 +101,7 @@ def run(options: argparse.Namespace) -> int:
         _print(result, [*problems, *left_out_lines(left_out)], config.model, loaded.factor)
         for part in render_curves(result):
             console().print(part, markup=False)
+        print_next(step)
     return 0
 
 

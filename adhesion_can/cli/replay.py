@@ -4,6 +4,7 @@ import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from math import isfinite
@@ -23,6 +24,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.next_step import print_next, typed_words
 from adhesion_can.cli.reading import reading
 from adhesion_can.cli.reports import (
     add_report,
@@ -51,6 +53,7 @@ from adhesion_can.reporting.drive.page import page
 from adhesion_can.reporting.drive.recorder import DriveRecorder, NoRecorder
 from adhesion_can.reporting.drive.replayed import replay_texts
 from adhesion_can.reporting.export import require_format
+from adhesion_can.reporting.next_steps.after_recording import after_replay
 from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.sample_rows import sample_table
 from adhesion_can.reporting.setpoints import setpoint_table
@@ -158,17 +161,22 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
     misfit = collector.compute()
     document = _document(summary, core, setpoints, problems)
     document["fit"] = None if misfit is None else misfit.as_json()
-    write_json(options.json, {**document, **origin})
+    step = after_replay(
+        core.estimate, setpoints.doubts, setpoints.objections, typed_words(options, options.log)
+    )
+    write_json(options.json, {**document, "next": step.line, **origin})
     fit = _describe_fit(misfit, config)
     written = []
     if isinstance(recorder, DriveRecorder):
         said = page_provenance(origin, options)
         about = replay_texts(summary, core, problems, [fit], said)
-        written = write_report(page(recorder.result(), about, slip_max), options)
+        report = page(recorder.result(), about, slip_max)
+        written = write_report(replace(report, next_step=step.line), options)
     if talk(options):
         _print(summary, core, setpoints, problems)
         for line in (fit, *written):
             console().print(line, markup=False)
+        print_next(step)
     return 0
 
 
@@ -227,6 +235,16 @@ class _SetpointCounts:
         self.by_status[outputs.status] += 1
         self.by_doubt[outputs.doubt] += 1
         self.by_objection[outputs.objection] += 1
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """What was doubted, the most frequent first."""
+        return [doubt for doubt, _ in self.by_doubt.most_common()]
+
+    @property
+    def objections(self) -> list[Objection]:
+        """What was objected to, the most frequent first."""
+        return [objection for objection, _ in self.by_objection.most_common()]
 
     def share(self, count: int) -> str:
         """Share of a number of setpoints in all of them, as text."""

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.build_evidence import build_evidence, build_model_scores
 from adhesion_can.diagnosis.cause_result import Cause, NoiseResult
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.evaluate import evaluate_held_out
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Untested
 from adhesion_can.diagnosis.extended_model import (
     SegmentFits,
     build_extended_model,
@@ -121,13 +122,15 @@ def build_diagnosis(
     if other_drives and model is not None and model.actives:
         gain = _measure_on_held_out(found, gain, model)
     confirmed = replace(confirmed, gain=gain)
+    evidence = build_evidence(found, causes)
     return Diagnosis(
         verdict=verdict,
         causes=causes,
         channel=_name_channel(found, confirmed) if verdict is Verdict.UNEXPLAINED else None,
         wrong=tuple(_describe_findings(found, confirmed, causes, profile)),
         gain=gain,
-        evidence=tuple(_build_evidence(found)),
+        evidence=evidence,
+        models=build_model_scores(found, evidence),
         channels=tuple(
             ChannelEvidence(
                 name_with_wave(one.channel), one.channel.unit, one.p_value, 100 * one.gain
@@ -148,6 +151,7 @@ def build_diagnosis(
         closest=build_closest(confirmed, data),
         environments=build_environments(found, confirmed, causes),
         noise=_build_noise(found),
+        saturated=bool(found.saturated),
     )
 
 
@@ -292,38 +296,6 @@ def _find_rivals(found: Findings, candidate: Candidate, size: float) -> tuple[st
         known = found.selection.best.ids
         rivals |= find_rivals_at_one_speed(candidate, size, found.prepared.candidates) - known
     return tuple(sorted(rivals))
-
-
-def _build_evidence(found: Findings) -> list[Evidence]:
-    """Evidence of every tested effect, largest gain first."""
-    candidates, detection = found.prepared.candidates, found.detection
-    plain = found.selection.plain
-    fitted = (*found.selection.singles, *found.selection.implausible)
-    alone = {one.candidates[0]: 100 * (1 - one.rmse / plain.rmse) for one in fitted}
-    out = []
-    for place, candidate in enumerate(candidates):
-        cosines = np.abs(detection.cosines[place])
-        # What the curve imitates leaves round-off, whose cosines mean nothing.
-        others = [
-            i
-            for i, c in enumerate(candidates)
-            if c.effect.id != candidate.effect.id and detection.absorbed[i] < IMITATED
-        ]
-        most_alike = int(others[int(np.argmax(cosines[others]))]) if others else place
-        gain = alone.get(candidate, 50.0 * float(detection.test.gain[place]))
-        out.append(
-            Evidence(
-                candidate.effect.id,
-                candidate.effect.form,
-                candidate.axle,
-                float(detection.test.statistic[place]),
-                float(detection.test.p_value[place]),
-                float(np.clip(detection.absorbed[place], 0.0, 1.0)),
-                (candidates[most_alike].effect.id, float(detection.cosines[place, most_alike])),
-                float(gain),
-            )
-        )
-    return sorted(out, key=lambda e: (-e.gain_percent, e.p_value))
 
 
 def _list_imitated_effects(found: Findings) -> list[Untested]:

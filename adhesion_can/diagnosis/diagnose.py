@@ -216,10 +216,15 @@ def _with_next_drive(
         return diagnosis
     show("next drive", 0.95)
     refuted = (one.refuted.fitted.model for one in confirmed.closest)
-    explanations = build_explanations(found, is_confirmed=bool(diagnosis.causes), others=refuted)
+    by_effect = {cause.effect: cause.rivals for cause in diagnosis.causes}
+    rivals = {one: by_effect.get(one.effect.id, ()) for one in confirmed.named}
+    explanations = build_explanations(
+        found, is_confirmed=bool(diagnosis.causes), rivals=rivals, others=refuted
+    )
     next_drive = None
     if settings.limits is not None:
-        next_drive = compute_next_drive(found, explanations, settings.limits)
+        named = dict.fromkeys(rival for ids in rivals.values() for rival in ids)
+        next_drive = compute_next_drive(found, explanations, settings.limits, tuple(named))
     return replace(diagnosis, explanations=explanations, next_drive=next_drive)
 
 

@@ -1,10 +1,44 @@
 """What the data say of each effect and channel: tested with what outcome, or why not."""
 
 from dataclasses import dataclass
+from enum import StrEnum
+from math import nan
 from typing import NamedTuple
 
 SURE, WORTH_PERCENT = 0.025, 3.0
 """P-value up to which, and gain from which, what is left is not called noise."""
+
+
+class Decision(StrEnum):
+    """What was decided about an effect, and by what."""
+
+    NAMED = "named"
+    RIVAL = "rival"
+    OTHER_FORM = "other form"
+    WORSE = "worse"
+    WEAKER = "weaker"
+    REFUTED = "refuted"
+    IMPLAUSIBLE = "implausible"
+    NOT_NAMED = "not named"
+    NOT_SIGNIFICANT = "not significant"
+    IMITATED = "not tested"
+
+
+DECISIONS = {
+    Decision.NAMED: "a cause",
+    Decision.RIVAL: "the data cannot distinguish it from the cause: it predicts as well, explains "
+    "98 % as much with the same signature, or differs only at another speed",
+    Decision.OTHER_FORM: "another form of the cause, or another axle",
+    Decision.WORSE: "fitted alone, it predicts blocks that were left out worse than the causes do, "
+    "by a paired test with this p",
+    Decision.WEAKER: "not fitted, since others were more promising",
+    Decision.REFUTED: "it helps, and is refuted as a cause",
+    Decision.IMPLAUSIBLE: "it fits with a size that no vehicle has",
+    Decision.NOT_NAMED: "fitted, and its gain is too small or not certain",
+    Decision.NOT_SIGNIFICANT: "noise explains it",
+    Decision.IMITATED: "the curve's own parameters imitate it",
+}
+"""Meaning of each decision, a clause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +54,9 @@ class Evidence:
         absorbed: Share of the signature that the curve's own parameters imitate, 0 to 1.
         most_alike: Id of the effect with the most similar signature, and the cosine between them.
         gain_percent: Share by which the effect alone would lower the RMSE of the deciding data, %.
+        decision: What was decided about the effect.
+        worse_p_value: P-value with which the effect alone predicts worse than the named model; NaN
+            where this was not what decided.
 
     """
 
@@ -31,11 +68,34 @@ class Evidence:
     absorbed: float
     most_alike: tuple[str, float]
     gain_percent: float
+    decision: Decision = Decision.NOT_SIGNIFICANT
+    worse_p_value: float = nan
+
+    @property
+    def is_tested(self) -> bool:
+        """Whether the data identify it beside the curve, so that its p-value says something."""
+        return self.decision is not Decision.IMITATED
 
     @property
     def is_sure(self) -> bool:
         """Whether the deciding data alone would name the effect."""
         return _is_sure(self.p_value, self.gain_percent)
+
+
+class ModelScore(NamedTuple):
+    """A model that was compared, with its error on blocks that were left out.
+
+    Attributes:
+        name: Its effects, or that it has none.
+        held_out_rmse: RMSE of the whitened residuals of blocks that were left out, in standard
+            deviations of the noise.
+        decision: What was decided about its effect; None for the plain curve.
+
+    """
+
+    name: str
+    held_out_rmse: float
+    decision: Decision | None
 
 
 class Untested(NamedTuple):

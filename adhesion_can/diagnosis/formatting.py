@@ -16,7 +16,10 @@ LEAST_P = 1e-3
 
 def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
     """Id with form and axle where there are any."""
-    return " ".join(part for part in (effect, form, f"axle {axle}" if axle else "") if part)
+    where = f"axle {axle}" if axle else ""
+    # A form of that name is the one at an axle.
+    kind = "" if axle and form == "axle" else form
+    return " ".join(part for part in (effect, kind, where) if part)
 
 
 def title(effect: str) -> str:

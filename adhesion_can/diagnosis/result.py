@@ -16,7 +16,7 @@ from adhesion_can.diagnosis.cause_result import (
     Witness,
 )
 from adhesion_can.diagnosis.effect_grams import EffectGrams
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, ModelScore, Untested
 from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -147,8 +147,7 @@ class Gain:
 
     def to_dict(self) -> dict[str, Any]:
         """Fields of `diagnosis.json`."""
-        written = self.as_written
-        return {
+        document: dict[str, Any] = {
             "rmse_before": self.rmse_before,
             "rmse_after": self.rmse_after,
             "noise_floor": self.noise_floor,
@@ -158,20 +157,17 @@ class Gain:
             "method": self.method.names,
             "spans": [[begin, end] for _, begin, end in self.spans],
             "recordings": [recording for recording, _, _ in self.spans],
-            **(
-                {}
-                if written is None
-                else {
-                    "as_written": {
-                        "rmse_before": written.plain,
-                        "rmse_after": written.rmse,
-                        "noise_floor": self.noise_floor,
-                        "percent": written.percent,
-                        "interval": list(written.interval),
-                    }
-                }
-            ),
         }
+        written = self.as_written
+        if written is not None:
+            document["as_written"] = {
+                "rmse_before": written.plain,
+                "rmse_after": written.rmse,
+                "noise_floor": self.noise_floor,
+                "percent": written.percent,
+                "interval": list(written.interval),
+            }
+        return document
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +178,7 @@ class FamilyResult:
         family: Name of the family.
         title: Name of the family in sentences.
         parameters: Number of parameters of a curve.
-        held_out_score: Cross-validated RMSE of the whitened residuals, in standard deviations of
+        held_out_rmse: Cross-validated RMSE of the whitened residuals, in standard deviations of
             the noise.
         rmse: RMSE of the adhesion.
         mu_max: Peak adhesion of the longest segment's curve.
@@ -196,7 +192,7 @@ class FamilyResult:
     family: str
     title: str
     parameters: int
-    held_out_score: float
+    held_out_rmse: float
     rmse: float
     mu_max: float
     lambda_m: float | None
@@ -208,7 +204,8 @@ class FamilyResult:
         """Fields of `diagnosis.json`."""
         return {
             "family": self.family,
-            "held_out_score": self.held_out_score,
+            "held_out_score": self.held_out_rmse,
+            "held_out_rmse": self.held_out_rmse,
             "rmse": self.rmse,
             "mu_max": self.mu_max,
             "lambda_m": self.lambda_m,
@@ -276,6 +273,8 @@ class Diagnosis:
         explanations: Explanations that the data leave; () where they were not asked for.
         remaining: What a short drive leaves of the explanations of the long ones; None where there
             is none, or nothing to choose from.
+        models: Models that were compared, with their errors on blocks that were left out, the best
+            first.
         witness: The service's doubt with the plain curve and with the extended model; None where no
             cause is named, or no recording is long enough.
 
@@ -307,7 +306,10 @@ class Diagnosis:
     next_drive: NextDrive | None = None
     explanations: "tuple[Explanation, ...]" = ()
     remaining: "RemainingExplanations | None" = None
+    models: tuple[ModelScore, ...] = ()
     witness: Witness | None = None
+    saturated: bool = False
+    next_step: str = ""
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -324,33 +326,6 @@ class Diagnosis:
             return True
         leaves_more = self.noise is not None and self.noise.leaves_more
         return not (gain.leaves_much or leaves_more or any(one.is_sure for one in self.evidence))
-
-    @property
-    def next_step(self) -> str:
-        """What to do now, one line."""
-        if self.gain is None:
-            return "record a drive that sweeps the slip in traction and braking for four minutes"
-        if self.next_drive is not None and self.next_drive.plan is not None:
-            return "drive the plan, then diagnose its recording together with these"
-        is_named = self.verdict is Verdict.NAMED
-        if is_named and not any(cause.rivals for cause in self.causes):
-            return (
-                "confirm it on another drive with --holdout, then give the model of --extended to "
-                "run and replay"
-            )
-        if self.verdict is Verdict.NOTHING:
-            longer = "record a longer drive that excites more, and diagnose both together"
-            return "use the plain curve as it is" if self.conclusive else longer
-        if is_named or self.closest:
-            return self._tell_apart("the rivals" if is_named else "the closest explanations")
-        return "add the signal that may be the cause as a channel, or test a law with --formula"
-
-    def _tell_apart(self, what: str) -> str:
-        """What to do where explanations are left, one line."""
-        is_planned_in_vain = self.next_drive is not None
-        if is_planned_in_vain or self.prediction is not None:
-            return f"record a longer drive under other conditions, which may tell {what} apart"
-        return f"compute the drive that tells {what} apart with --next-drive PLAN.toml"
 
     @property
     def held_out_files(self) -> set[str]:
@@ -371,6 +346,7 @@ class Diagnosis:
             "wrong": list(self.wrong),
             "gain": None if self.gain is None else self.gain.to_dict(),
             "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in self.evidence],
+            "models": [one._asdict() for one in self.models],
             "needed": self.needed,
             "next": self.next_step,
             "closest": [one.to_dict() for one in self.closest],

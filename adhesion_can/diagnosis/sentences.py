@@ -24,7 +24,14 @@ from adhesion_can.physics.effects.formula import FORMULA
 def separation_sentence(effect: str, rivals: Sequence[str]) -> str:
     """Manoeuvres or signals that would separate an effect from its rivals, all by their ids."""
     ways = [_separation(_observability(effect), _observability(rival)) for rival in rivals]
-    return f"to separate {effect} from {', '.join(rivals)}: " + "; ".join(dict.fromkeys(ways))
+    what = f"to distinguish {effect} from {' or '.join(rivals)}"
+    return f"{what}, record {'; and '.join(map(_with_reason, dict.fromkeys(ways)))}"
+
+
+def _with_reason(manoeuvre: str) -> str:
+    """A manoeuvre with the reason behind its colon in brackets."""
+    head, _, reason = manoeuvre.partition(": ")
+    return f"{head} ({reason})" if reason else head
 
 
 class _Shown(NamedTuple):

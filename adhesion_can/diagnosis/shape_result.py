@@ -203,7 +203,7 @@ def _build_family_result(
         family=one.family.name,
         title=one.family.title,
         parameters=curves.size,
-        held_out_score=one.held_out_score,
+        held_out_rmse=one.held_out_rmse,
         rmse=one.scored.rmse,
         mu_max=float(top.mu_max),
         lambda_m=float(top.lambda_m) if bool(top.interior) else None,

@@ -1,13 +1,15 @@
 """Comparison of curve families by held-out score, and the peak pooled over those that hold.
 
-The score of a family is the mean log density of samples that had no part in its fit. Families whose
-difference to the best is within its chance error cannot be separated by the data. The peak is the
+A family is judged by the mean log density of samples that had no part in its fit. Families whose
+difference to the best is within its chance error cannot be separated by the data. Its score for a
+reader is the RMSE of the whitened residuals of these samples. The peak is the
 mixture of theirs, with weights by pseudo-Bayesian model averaging with the Bayesian bootstrap
 (Yao, Vehtari, Simpson & Gelman, "Using stacking to average Bayesian predictive distributions",
 Bayesian Analysis 13 (2018) 917), so its standard deviation holds their spread.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +23,11 @@ from adhesion_can.estimation.curve_data import (
 )
 from adhesion_can.estimation.curve_fit import (
     FittedCurve,
+    effective_variance,
     fit_family,
     fit_values,
     log_density,
+    mean_square_residual,
     standardised_residual,
 )
 from adhesion_can.estimation.curve_result import CommonErrors, CurveComparison, ScoredFit
@@ -71,7 +75,8 @@ def compare_families(
         fit_family(samples, family, slip_max=slip_max, independent=independent)
         for family in families
     ]
-    densities = np.stack([_held_out_densities(samples, fit, plan) for fit in fits])
+    held_out = [_HeldOut.build(samples, fit, plan) for fit in fits]
+    densities = np.stack([one.log_density for one in held_out])
     best = int(np.argmax(densities.mean(axis=1)))
     factor = 1.0
     if not independent:
@@ -93,7 +98,8 @@ def compare_families(
     scored = [
         ScoredFit(
             fit=fits[i],
-            score=float(densities[i].mean()),
+            held_out_rmse=held_out[i].rmse_by(held_out[best]),
+            log_density=float(densities[i].mean()),
             behind=float(total[i] * scale),
             behind_std=float(error[i] * scale),
             plausible=bool(plausible[i]),
@@ -122,19 +128,42 @@ def are_independent(samples: Samples) -> bool:
     return int(np.ptp(samples.t_us)) <= TICK_US * len(samples)
 
 
-def _held_out_densities(samples: Samples, fit: FittedCurve, plan: HoldOutPlan) -> Array:
-    """Log density of each sample under fits to the other folds, mean of the repetitions."""
-    points = CurvePoints.from_samples(samples)
-    result = np.zeros(len(samples))
-    for folds in plan.folds:
-        numbers = np.unique(folds)
-        cells = [points.select(folds == number).compressed() for number in numbers]
-        for i, number in enumerate(numbers):
-            rest = CurvePoints.concatenate([c for j, c in enumerate(cells) if j != i])
-            values, noise_var = fit_values(rest, fit.family, [fit.values])
-            held = folds == number
-            result[held] += log_density(points.select(held), fit.family, values, noise_var)
-    return result / len(plan.folds)
+@dataclass(frozen=True, slots=True)
+class _HeldOut:
+    """Each sample under fits to the other folds, mean of the repetitions; shape (n,) each.
+
+    Attributes:
+        log_density: Log density of the adhesion.
+        square: Square of the residual.
+        variance: Effective variance of the adhesion.
+
+    """
+
+    log_density: Array
+    square: Array
+    variance: Array
+
+    @classmethod
+    def build(cls, samples: Samples, fit: FittedCurve, plan: HoldOutPlan) -> "_HeldOut":
+        """Hold out fold by fold, fitted from the fit to all samples."""
+        points = CurvePoints.from_samples(samples)
+        sums = np.zeros((3, len(samples)))
+        for folds in plan.folds:
+            numbers = np.unique(folds)
+            cells = [points.select(folds == number).compressed() for number in numbers]
+            for i, number in enumerate(numbers):
+                rest = CurvePoints.concatenate([c for j, c in enumerate(cells) if j != i])
+                values, noise_var = fit_values(rest, fit.family, [fit.values])
+                held = folds == number
+                own = points.select(held)
+                sums[0, held] += log_density(own, fit.family, values, noise_var)
+                sums[1, held] += mean_square_residual(own, fit.family, values)
+                sums[2, held] += effective_variance(own, fit.family, values, noise_var)
+        return cls(*(sums / len(plan.folds)))
+
+    def rmse_by(self, best: "_HeldOut") -> float:
+        """RMSE of the residuals in the standard deviations of another fit's noise."""
+        return float(np.sqrt(np.mean(self.square / best.variance)))
 
 
 def _bootstrap_weights(blocks: NDArray[np.float64]) -> Array:

@@ -136,7 +136,7 @@ def fit_values(
     noise_var = noise_variance(points, family, values)
     if points.slip_var.any():
         for _ in range(REWEIGHTINGS):
-            weights = points.count / _variance(points, family, values, noise_var)
+            weights = points.count / effective_variance(points, family, values, noise_var)
             values, _ = _minimise(points, family, weights, values)
             noise_var = noise_variance(points, family, values)
     near = AT_BOUND * (upper - lower)
@@ -178,7 +178,9 @@ def mean_square_residual(points: CurvePoints, family: CurveFamily, values: Array
     return np.asarray(np.maximum(points.square + curve * (curve - 2.0 * points.adhesion), 0.0))
 
 
-def _variance(points: CurvePoints, family: CurveFamily, values: Array, noise_var: float) -> Array:
+def effective_variance(
+    points: CurvePoints, family: CurveFamily, values: Array, noise_var: float
+) -> Array:
     """Effective variance of a sample in each point, shape (n,)."""
     slope = family.slope(points.slip, values, points.conditions)
     return np.asarray(noise_var + slope**2 * points.slip_var)
@@ -194,7 +196,7 @@ def noise_variance(points: CurvePoints, family: CurveFamily, values: Array) -> f
 
     """
     squares = mean_square_residual(points, family, values)
-    by_slip = _variance(points, family, values, 0.0)
+    by_slip = effective_variance(points, family, values, 0.0)
     samples = float(points.count.sum())
     freedom = max(samples - len(values), 1.0) / samples
     whole = float(points.count @ squares) / samples / freedom
@@ -209,13 +211,13 @@ def standardised_residual(
 ) -> Array:
     """Residuals over their standard deviations, shape (n,)."""
     curve = family.adhesion(points.slip, values, points.conditions)
-    spread = np.sqrt(_variance(points, family, values, noise_var))
+    spread = np.sqrt(effective_variance(points, family, values, noise_var))
     return np.asarray((points.adhesion - curve) / spread)
 
 
 def log_density(points: CurvePoints, family: CurveFamily, values: Array, noise_var: float) -> Array:
     """Logarithm of the normal density of the adhesion of each sample, shape (n,)."""
-    variance = _variance(points, family, values, noise_var)
+    variance = effective_variance(points, family, values, noise_var)
     squares = mean_square_residual(points, family, values)
     return np.asarray(-0.5 * (np.log(2.0 * np.pi * variance) + squares / variance))
 
@@ -229,7 +231,7 @@ def mean_conditions(points: CurvePoints) -> Conditions:
 
 def _covariance(points: CurvePoints, family: CurveFamily, values: Array, noise_var: float) -> Array:
     """Inverse Fisher information of the values that are not at a bound, shape (k, k)."""
-    weights = points.count / _variance(points, family, values, noise_var)
+    weights = points.count / effective_variance(points, family, values, noise_var)
     gradient = family.gradient(points.slip, values, points.conditions)
     lower, upper = bounds(family)
     norms = np.sqrt((gradient**2 * weights).sum(axis=1))

@@ -5,7 +5,7 @@ from math import hypot, isfinite
 from typing import Any
 
 from adhesion_can.estimation.curve_fit import FittedCurve
-from adhesion_can.result_text import html_table, plus_minus
+from adhesion_can.result_text import HELD_OUT_RMSE, html_table, plus_minus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,8 +30,11 @@ class ScoredFit:
 
     Attributes:
         fit: Fit to all samples.
-        score: Mean log density of a held-out sample.
-        behind: Difference of the best family's score to this one's, per sample; 0 for the best.
+        held_out_rmse: RMSE of the whitened residuals of held-out samples, in standard deviations of
+            the best family's noise; smaller is better.
+        log_density: Mean log density of a held-out sample, from which the weights follow.
+        behind: Difference of the best family's log density to this one's, per sample; 0 for the
+            best.
         behind_std: Standard error of that difference.
         plausible: Whether the data cannot separate the family from the best one.
         weight: Weight of its peak in the pooled one; 0 where not plausible.
@@ -39,7 +42,8 @@ class ScoredFit:
     """
 
     fit: FittedCurve
-    score: float
+    held_out_rmse: float
+    log_density: float
     behind: float
     behind_std: float
     plausible: bool
@@ -49,7 +53,8 @@ class ScoredFit:
         """Fit and score as JSON has them."""
         return {
             "curve": self.fit.family.name,
-            "held_out_score": self.score,
+            "held_out_rmse": self.held_out_rmse,
+            "held_out_score": self.log_density,
             "behind": {"value": self.behind, "std": self.behind_std},
             "plausible": self.plausible,
             "weight": self.weight,
@@ -129,7 +134,7 @@ class CurveComparison:
         cells: list[tuple[str, ...]] = [
             (
                 s.fit.family.name,
-                f"{s.score:.4f}",
+                f"{s.held_out_rmse:.3f}",
                 f"{s.behind:.4f} ± {s.behind_std:.4f}" if s.behind else "best",
                 f"{s.fit.rmse:.5f}",
                 _plus_minus(s.fit.mu_max, s.fit.mu_max_std),
@@ -153,8 +158,8 @@ class CurveComparison:
 
 COLUMNS = (
     "curve",
-    "held-out score",
-    "behind the best",
+    HELD_OUT_RMSE,
+    "behind in log density",
     "RMSE",
     "mu_max",
     "lambda_m",

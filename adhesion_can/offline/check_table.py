@@ -1,7 +1,7 @@
 """Check of a table of samples: what each column was taken for, and what can be estimated."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
+from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.offline.check import describe_excitation
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.points import LEAST_ROWS
@@ -51,6 +52,7 @@ class TableCheck:
         limits: What cannot be estimated from it, a sentence each.
         findings: What can be estimated from it, a sentence each.
         samples: Samples of the table.
+        fit: Batch fit of the samples; None where none is usable.
 
     """
 
@@ -62,6 +64,7 @@ class TableCheck:
     limits: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
     samples: Samples | None = None
+    fit: BatchResult | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """For `--json`."""
@@ -97,7 +100,7 @@ def check_table(name: str, table: Table, left_out: list[str], config: Configurat
         is_wrong = finding.fatal and not config.assume_plausible
         (result.failures if is_wrong else result.warnings).append(finding.sentence)
     if not result.failures:
-        _check_excitation(result, table, config)
+        return replace(result, fit=_check_excitation(result, table, config))
     return result
 
 
@@ -146,15 +149,19 @@ def _range(name: str, meaning: str, values: Array) -> ColumnRange:
     return ColumnRange(name, meaning, float(there.min()), float(there.max()), missing)
 
 
-def _check_excitation(result: TableCheck, table: Table, config: Configuration) -> None:
+def _check_excitation(
+    result: TableCheck, table: Table, config: Configuration
+) -> BatchResult | None:
+    """Batch fit of a table's samples, described in the result; None where none is usable."""
     samples: Samples = table.samples
     estimators = config.estimators
     labels = table.segment if table.timed else np.zeros(len(samples), dtype=np.int64)
     fitted = identify(samples, estimators.identifiability, labels=labels, noise=estimators.noise)
     if fitted is None:
         result.failures.append("every row lies outside the slip range of the curve")
-        return
+        return None
     for sign, way in ((1.0, "traction"), (-1.0, "braking")):
         if not np.any(sign * samples.slip > 0.0):
             result.limits.append(f"no {way}: instrument errors cannot be separated from the curve")
     describe_excitation(samples, fitted, result.findings, result.limits)
+    return fitted

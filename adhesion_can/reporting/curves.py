@@ -8,8 +8,14 @@ from adhesion_can.estimation.curve_fit import FittedCurve
 from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.reporting.text import FittingTable, table
-from adhesion_can.result_text import TimeScale, plus_minus
+from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale, plus_minus
 
+SCORE_NOTE = (
+    f"{HELD_OUT_RMSE}: RMSE of the whitened residuals there, in standard deviations σ of the "
+    "noise; smaller is better. Weights follow from the log density, which also counts how well a family "
+    "states its noise."
+)
+"""Meaning of the scores of families."""
 CREEP_SPEED = 1.0
 """Creep speed for which the fall of the friction is stated, m/s."""
 
@@ -63,23 +69,24 @@ def _span(times: TimeScale, segment: Segment) -> str:
 def _judge_changes(result: BatchResult) -> list[str]:
     """Whether one curve of another family does what Burckhardt curves of the segments do."""
     together, plain = result.whole_curves, FAMILIES["burckhardt"].name
-    scores = [
-        (c.samples, s.score)
+    densities = [
+        (c.samples, s.log_density)
         for c in result.curves
         if c is not None
         for s in c.families
         if s.fit.family.name == plain
     ]
-    if together is None or len(scores) < len(result.segments):
+    if together is None or len(densities) < len(result.segments):
         return []
     best = together.families[0]
-    apart = sum(n * score for n, score in scores) / sum(n for n, _ in scores)
+    apart = sum(n * density for n, density in densities) / sum(n for n, _ in densities)
     name = best.fit.family.name
-    if best.score < apart or name == plain:
+    if best.log_density < apart or name == plain:
         return []
     sentence = (
-        f"A single {name} curve predicts held-out samples better ({best.score:.4f}) than one "
-        f"{plain} curve for each segment ({apart:.4f}), so the surface may not have changed."
+        f"A single {name} curve predicts held-out samples better than one {plain} curve for each "
+        f"segment, by {best.log_density - apart:.4f} in log density a sample, so the surface may "
+        "not have changed."
     )
     return [sentence]
 
@@ -93,7 +100,7 @@ def _render_comparison(comparison: CurveComparison | None, where: str) -> list[F
     parts += [
         f"{scored.fit.family.name}: {_parameters(scored.fit)}" for scored in comparison.families
     ]
-    parts.append(f"Held out: {comparison.held_out}.")
+    parts.append(f"Held out: {comparison.held_out}. {SCORE_NOTE}")
     if len(comparison.families) > 1:
         parts.append(_verdict(comparison))
     parts += [

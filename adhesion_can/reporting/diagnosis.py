@@ -9,9 +9,7 @@ from adhesion_can.diagnosis.cause_result import (
     ClosestExplanation,
     EnvironmentSizes,
 )
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence
 from adhesion_can.diagnosis.formatting import (
-    LEAST_P,
     effect_name,
     fixed,
     measured,
@@ -20,13 +18,19 @@ from adhesion_can.diagnosis.formatting import (
     rival_title,
     short,
     sizes,
-    unit_text,
     value_text,
 )
 from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, Gain, Verdict
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
+from adhesion_can.reporting.evidence import (
+    EVIDENCE_COLUMNS,
+    decision_note,
+    evidence_rows,
+    evidence_title,
+)
 from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.result_text import HELD_OUT_RMSE
 
 ABOUT_AS_GOOD = 0.05
 """Share by which a family's held-out score may exceed the best one's to count as about as good."""
@@ -35,10 +39,10 @@ APART = 1.1
 SHOWN = 5
 """Rows of evidence that a terminal shows."""
 
-EVIDENCE_COLUMNS = ("effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain")
-FAMILY_COLUMNS = ("family", "parameters", "held-out score", "RMSE", "μ_max", "λ_m", "base curve")
+FAMILY_COLUMNS = (
+    "family", "parameters", HELD_OUT_RMSE, "RMSE", "μ_max", "λ_m", "base curve",
+)  # fmt: skip
 ENVIRONMENT_COLUMNS = ("size", "environment", "value", "spread", "p")
-CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
 
 
 # ---------------------------------------------------------------------------------- sentences
@@ -159,9 +163,7 @@ def _verdict(found: Diagnosis) -> Iterator[str]:
 def _cause_sentence(cause: Cause) -> str:
     # The title of a formula is its form.
     name = effect_name(cause.effect, "" if cause.effect == FORMULA else cause.form)
-    sentence = (
-        f"{cause.title} ({name}: {sizes(cause.parameters)}). {p_value_sentence(cause.p_value)}"
-    )
+    sentence = f"{cause.title} ({name}: {sizes(cause.parameters)}). {p_clause(cause.p_value)}."
     return f"{sentence} {_rivals(cause)}".strip()
 
 
@@ -180,16 +182,15 @@ def _unexplained(found: Diagnosis) -> str:
             "Unexplained: the residual is more than noise, but neither a known effect nor a "
             "single measured channel explains it."
         )
-    text = (
-        f"Unexplained: the residual depends on {channel_label(found.channel)}, and no known "
-        "effect explains why."
-    )
-    text += "".join(
-        f" {one.what} is not a cause: {one.why}." for one in found.untested if one.rejected
-    )
     # A wave's channel has its length behind the name.
     own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
-    return f"{text} {p_value_sentence(min(own))}" if own else text
+    sure = f" ({p_clause(min(own), 'channels')})" if own else ""
+    text = (
+        f"Unexplained: the residual depends on {channel_label(found.channel)}{sure}, and no known "
+        "effect explains why."
+    )
+    rejected = (f" {one.what} is not a cause: {one.why}." for one in found.untested if one.rejected)
+    return text + "".join(rejected)
 
 
 def _nothing(found: Diagnosis) -> str:
@@ -220,10 +221,11 @@ def _noise_below(found: Diagnosis, gain: Gain) -> float | None:
 
 
 def _strongest(found: Diagnosis) -> str:
-    """The effect with the smallest p-value, and why it is not named."""
-    if not found.evidence:
+    """The tested effect with the smallest p-value, and why it is not named; '' without any."""
+    tested = [one for one in found.evidence if one.is_tested]
+    if not tested:
         return ""
-    first = min(found.evidence, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
+    first = min(tested, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
     name = effect_name(first.effect, first.form, first.axle)
     why = [one.why for one in found.untested if one.rejected and one.what == first.effect]
     return (
@@ -234,8 +236,8 @@ def _strongest(found: Diagnosis) -> str:
 
 def _peaks_of_families(found: Diagnosis) -> Iterator[str]:
     """Where the families have the peak that predict about as well, if that is not one place."""
-    best = min((one.held_out_score for one in found.families), default=0.0)
-    good = [one for one in found.families if one.held_out_score <= (1.0 + ABOUT_AS_GOOD) * best]
+    best = min((one.held_out_rmse for one in found.families), default=0.0)
+    good = [one for one in found.families if one.held_out_rmse <= (1.0 + ABOUT_AS_GOOD) * best]
     slips = [one.lambda_m for one in good if one.lambda_m is not None]
     if len(slips) < 2 or max(slips) <= APART * min(slips):
         return
@@ -248,13 +250,11 @@ def _peaks_of_families(found: Diagnosis) -> Iterator[str]:
     )
 
 
-def p_value_sentence(p_value: float) -> str:
-    """P-value in a sentence."""
+def p_clause(p_value: float, tested: str = "effects") -> str:
+    """P-value with what it is corrected for, a clause."""
     if not isfinite(p_value):
-        return "The p-value is not known."
-    if p_value < LEAST_P:
-        return f"p < {LEAST_P:g}, corrected for all effects tested."
-    return f"{p_equation(p_value)}, corrected for all effects tested."
+        return "its p-value is not known"
+    return f"{p_equation(p_value)}, corrected for all {tested} tested"
 
 
 def gain_sentence(gain: Gain, found: Diagnosis) -> str:
@@ -303,49 +303,19 @@ def cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
     ]
 
 
-def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
-    """Cells of a table with `EVIDENCE_COLUMNS`."""
-    return [
-        (
-            effect_name(e.effect, e.form, e.axle),
-            fixed(e.statistic, 2),
-            p_text(e.p_value),
-            fixed(100 * e.absorbed, 0, " %"),
-            e.most_alike[0] or "-",
-            fixed(e.most_alike[1], 2) if e.most_alike[0] else "-",
-            fixed(e.gain_percent, 1, " %"),
-        )
-        for e in evidence
-    ]
-
-
 def family_rows(families: Sequence[FamilyResult]) -> list[tuple[str, ...]]:
     """Cells of a table with `FAMILY_COLUMNS`."""
     return [
         (
             one.title,
             str(one.parameters),
-            fixed(one.held_out_score, 3),
-            fixed(one.rmse, 5),
+            fixed(one.held_out_rmse, 3),
+            fixed(one.rmse, 4),
             fixed(one.mu_max, 4),
             "-" if one.lambda_m is None else fixed(one.lambda_m, 4),
             "yes" if one.chosen else "",
         )
         for one in families
-    ]
-
-
-def channel_rows(channels: Sequence[ChannelEvidence]) -> list[tuple[str, ...]]:
-    """Cells of a table with `CHANNEL_COLUMNS`, smallest p-value first."""
-    ranked = sorted(channels, key=lambda c: (c.p_value, -c.gain_percent))
-    return [
-        (
-            channel_label(c.channel),
-            unit_text(c.unit),
-            p_text(c.p_value),
-            fixed(c.gain_percent, 1, " %"),
-        )
-        for c in ranked
     ]
 
 
@@ -366,12 +336,12 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     if found.families:
         yield table("Curve families, each alone", FAMILY_COLUMNS, family_rows(found.families))
     yield from _next_steps(found)
-    if found.evidence:
-        rows = evidence_rows(found.evidence)
-        title_ = (
-            f"Evidence: the first {SHOWN} of {len(rows)} effects" if rows[SHOWN:] else "Evidence"
-        )
+    rows = evidence_rows(found.evidence)
+    if rows:
+        few = f"the first {SHOWN} of " if rows[SHOWN:] else ""
+        title_ = f"Evidence: {few}{evidence_title(found.evidence)}"
         yield table(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
+        yield decision_note([one for one in found.evidence if one.is_tested][:SHOWN])
     # What was tested says more than what could not be.
     for one in sorted(found.untested, key=lambda one: not one.rejected):
         yield f"{'Rejected' if one.rejected else 'Not tested'}: {one.what}: {one.why}"
@@ -395,6 +365,6 @@ def _next_steps(found: Diagnosis) -> Iterator[str]:
         yield f"Needed: {found.needed}"
     if found.remaining is not None:
         yield found.remaining.sentence
-    if found.next_drive is not None:
+    # Why there is no plan is in the last line of the command.
+    if found.next_drive is not None and found.next_drive.plan is not None:
         yield found.next_drive.sentence
-    yield f"Next: {found.next_step}."

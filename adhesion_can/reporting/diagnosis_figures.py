@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.evidence import Decision, ModelScore
 from adhesion_can.diagnosis.formatting import short, unit_text
 from adhesion_can.diagnosis.plot_result import (
     CurveData,
@@ -31,7 +32,7 @@ from adhesion_can.reporting.charts import (
     thinned,
 )
 from adhesion_can.reporting.page import Figure
-from adhesion_can.result_text import TimeScale
+from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale
 
 BEFORE, AFTER, MEASURED = ORANGE, BLUE, GREY
 PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
@@ -82,6 +83,42 @@ def gain_figure(gain: Gain) -> Figure:
         "noise floor of any model. The whisker is the 95 % interval of the gain."
     )
     return Figure(caption, data, layout, 210)
+
+
+def model_figure(models: Sequence[ModelScore]) -> Figure:
+    """Held-out errors of the models that were compared, the best first."""
+    colours = [
+        BEFORE if one.decision is None else AFTER if one.decision is Decision.NAMED else MEASURED
+        for one in models
+    ]
+    names = [
+        one.name if one.decision is None else f"{one.name}: {one.decision.value}" for one in models
+    ]
+    scores = [one.held_out_rmse for one in models]
+    data = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "y": names,
+            "x": scores,
+            "marker": {"color": colours},
+            "text": [f"{score:.3f}" for score in scores],
+            "textposition": "inside",
+            "insidetextanchor": "start",
+            "hoverinfo": "x+y",
+        }
+    ]
+    layout = {
+        "xaxis": {"title": {"text": HELD_OUT_RMSE}, "rangemode": "tozero"},
+        "yaxis": {"type": "category", "autorange": "reversed", "automargin": True},
+        "bargap": 0.3,
+    }
+    caption = (
+        "What decided: the models that were fitted, with the RMSE of their whitened residuals in "
+        "blocks that were left out, in standard deviations σ of the noise. The smallest is the "
+        "best; a paired test over the blocks says whether another one is worse."
+    )
+    return Figure(caption, data, layout, 90 + 30 * len(models), "models")
 
 
 def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Figure:

@@ -11,15 +11,11 @@ from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.parameter import Parameter
 from adhesion_can.reporting.diagnosis import (
-    CHANNEL_COLUMNS,
     ENVIRONMENT_COLUMNS,
-    EVIDENCE_COLUMNS,
     FAMILY_COLUMNS,
     cause_rows,
-    channel_rows,
     closest_sentences,
     environment_rows,
-    evidence_rows,
     family_rows,
     has_extension,
     verdict_sentences,
@@ -29,13 +25,22 @@ from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
     family_figure,
     gain_figure,
+    model_figure,
     prediction_figure,
     profile_figure,
     simulation_figure,
 )
 from adhesion_can.reporting.environment_figure import environment_figure
+from adhesion_can.reporting.evidence import (
+    CHANNEL_COLUMNS,
+    EVIDENCE_COLUMNS,
+    channel_rows,
+    decision_note,
+    evidence_rows,
+    evidence_title,
+)
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
-from adhesion_can.result_text import plus_minus
+from adhesion_can.result_text import HELD_OUT_RMSE, plus_minus
 
 Parts = list[Text | Items | Table | Figure]
 
@@ -74,6 +79,7 @@ def page(
         verdict=verdict_sentences(found),
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=provenance,
+        next_step=found.next_step,
     )
 
 
@@ -206,27 +212,36 @@ def _surface_table(surfaces: Sequence[SegmentResult], *, extended: bool) -> Tabl
 
 def _family_table(families: Sequence[FamilyResult]) -> Table:
     note = (
-        "held-out score: RMSE of the whitened residuals, each block predicted from the others, "
-        "in standard deviations of the noise; smaller is better. Another family replaces "
-        "Burckhardt's only if its gain is significant and no effect explains as much."
+        f"{HELD_OUT_RMSE}: RMSE of the whitened residuals, each block predicted from the others, "
+        "in standard deviations σ of the noise; smaller is better. RMSE: of the adhesion, on the "
+        "data that decided. Another family replaces Burckhardt's only if its gain is significant "
+        "and no effect explains as much."
     )
     caption = "Curve families without effects; peaks at the mean speed and load."
     return Table(caption, FAMILY_COLUMNS, family_rows(families), note)
 
 
+EVIDENCE_NOTE = (
+    "statistic, p: the effect alone against the plain curve; p is corrected for all effects "
+    "tested. absorbed: share of the effect's signature that c1, c2 and c3 can imitate; tests and "
+    "standard deviations use the remainder alone. most alike, cosine: the effect whose remainder "
+    "is nearest, before anything is fitted; where the cosine is near 1, the fits decide. gain: by "
+    "how much the effect alone lowers the RMSE of the data that decided."
+)
+"""Meaning of the columns of the evidence, without the decisions."""
+
+
 def _evidence(found: Diagnosis) -> Parts:
-    if not found.evidence:
+    if not evidence_rows(found.evidence):
         return [Text("No effect could be tested.")]
     note = (
-        "p: p-value, corrected for all effects tested. absorbed: share of the effect's "
-        "signature that c1, c2 and c3 can imitate; above 90 % these data hardly show the "
-        "effect. most alike: the effect with the most similar signature; with a cosine above "
-        "0.9 the two cannot be distinguished. gain: reduction of the error on the deciding data "
-        "by this effect alone."
+        f"{EVIDENCE_NOTE} {decision_note(found.evidence)} Effects that the curve imitates are "
+        "listed under 'What could not be tested'."
     )
     rows = evidence_rows(found.evidence)
-    caption = "Evidence for each known effect, strongest first."
-    return [Table(caption, EVIDENCE_COLUMNS, rows, note)]
+    caption = f"{evidence_title(found.evidence)}. Causes and their rivals first, then by gain."
+    parts: Parts = [model_figure(found.models)] if len(found.models) > 1 else []
+    return [*parts, Table(caption, EVIDENCE_COLUMNS, rows, note)]
 
 
 def _channels(found: Diagnosis) -> Parts:

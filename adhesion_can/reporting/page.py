@@ -112,6 +112,7 @@ class Page:
         verdict: Results, a sentence each, the most important first.
         sections: Sections in their order.
         provenance: Version, hashes and the command that repeats the work, by name.
+        next_step: What was found and what to do next, one line; '' where nothing follows.
 
     """
 
@@ -120,6 +121,7 @@ class Page:
     verdict: Sequence[str]
     sections: Sequence[Section]
     provenance: Mapping[str, str]
+    next_step: str = ""
 
     @property
     def figures(self) -> list[Figure]:

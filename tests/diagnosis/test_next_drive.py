@@ -324,6 +324,34 @@ def test_from_a_drive_with_rivals_to_the_one_that_is_left(tmp_path, effect, dura
     assert after.to_dict()["remaining"]["left"] == [name]
 
 
+@pytest.fixture(scope="module")
+def rivalled(tmp_path_factory):
+    """A recording in which a dependence on the load has a rival that no block prefers."""
+    path = tmp_path_factory.mktemp("rivalled") / "first.log"
+    return simulate("sweep", 120.0, 3, effects=["load_dependence"]).write(path)
+
+
+def test_a_rival_that_is_named_is_planned_with(rivalled):
+    found = diagnose(rivalled, next_drive=True)
+    (cause,) = found.causes
+    assert (cause.effect, cause.rivals) == ("load_dependence", ("load_transfer",))
+    names = ("load_dependence burckhardt", "load_transfer geometry")
+    assert found.next_drive.explanations == names
+    assert [one.name for one in found.next_drive.plan.predictions] == list(names)
+    assert "drive the plan" in found.next_step
+    shown = [one.effect for one in found.evidence if one.decision == "rival"]
+    assert set(shown) == {"load_transfer"}
+
+
+def test_a_rival_without_a_law_is_named_where_there_is_no_plan(rivalled, monkeypatch):
+    monkeypatch.setattr("adhesion_can.diagnosis.next_drive.explanations.AS_GOOD", 2.0)
+    found = diagnose(rivalled, next_drive=True)
+    assert found.next_drive.plan is None
+    assert "distinguishes load_dependence burckhardt from load_transfer" in found.next_step
+    assert "Next: to distinguish load_dependence from load_transfer, record" in found.next_step
+    assert "one explanation is left" not in found.next_step
+
+
 @pytest.mark.slow
 def test_of_two_long_recordings_one_is_held_out_and_the_explanations_are_compared(tmp_path):
     """A short drive was no use where there were two long ones."""

@@ -114,7 +114,7 @@ def test_rows_beside_a_change_belong_to_no_surface():
 def test_for_every_rival_there_is_something_to_do(effect):
     sentences = {rival: separation_sentence(effect, [rival]) for rival in IDS if rival != effect}
     for rival, words in sentences.items():
-        sentence = words.removeprefix(f"to separate {effect} from {rival}: ")
+        sentence = words.removeprefix(f"to distinguish {effect} from {rival}, record ")
         assert words != sentence
         assert len(sentence) > 25
         assert "None" not in sentence
@@ -122,7 +122,7 @@ def test_for_every_rival_there_is_something_to_do(effect):
 
 def test_no_two_are_to_vary_independently_of_themselves():
     for one, other in permutations(IDS, 2):
-        sentence = separation_sentence(one, [other]).split(": ", 1)[1]
+        sentence = separation_sentence(one, [other]).split(", record ", 1)[1]
         if "independently" in sentence:
             what = sentence.removeprefix("a drive in which ").split(" vary independently")[0]
             words = what.split(" and ")

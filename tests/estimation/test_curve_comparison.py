@@ -84,6 +84,23 @@ def test_one_family_alone_is_fitted_and_scored():
     assert found.mu_max == found.families[0].fit.mu_max
 
 
+def test_the_held_out_score_is_in_deviations_of_the_noise_and_smaller_is_better(realdata):
+    """Of the form that holds it is 1 but for chance: twice its error with 1000 samples is 0.05."""
+    curve = computed_curve(realdata, next(iter(PEAKS)))
+    rng = np.random.default_rng(3)
+    slip = rng.uniform(0.0005, 0.25, 1000)
+    samples = points(slip, curve(slip) + 0.003 * rng.standard_normal(1000))
+    found = compare_families(samples, TWO, slip_max=0.5)
+    best, other = found.families
+    assert (best.fit.family.name, other.fit.family.name) == ("free", "burckhardt")
+    assert best.held_out_rmse == pytest.approx(1.0, abs=0.08)
+    assert other.held_out_rmse > best.held_out_rmse
+    document = found.to_dict()["families"][0]
+    # The key of old stays: there the largest is the best.
+    assert document["held_out_score"] == best.log_density > other.log_density
+    assert document["held_out_rmse"] == best.held_out_rmse
+
+
 def test_points_without_a_time_are_independent_and_a_recording_is_not():
     samples = points(np.linspace(0.001, 0.2, 50), np.zeros(50))
     assert are_independent(samples)

@@ -24,7 +24,6 @@ from adhesion_can.diagnosis.cause_result import (
 )
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.formatting import measured
-from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.diagnosis.result import (
     Diagnosis,
@@ -35,7 +34,6 @@ from adhesion_can.diagnosis.result import (
     Verdict,
 )
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate, Identifiable
@@ -465,39 +463,6 @@ def test_what_is_closest_is_said_with_its_size_and_the_reason():
         "same everywhere."
     ) in text
     assert "wheelset_inertia" not in "".join(verdict_sentences(named()))
-
-
-def with_rivals(*rivals, **changes):
-    found = named()
-    causes = tuple(replace(cause, rivals=rivals) for cause in found.causes)
-    return replace(found, causes=causes, **changes)
-
-
-PLANNED = NextDrive(("a", "b"), DrivingPlan((PlanStep(1.0, "coast"),), 10.0), "Drive 1 s.")
-TABLE = PredictionPlot(np.zeros(3), np.zeros(3), np.zeros(3), 3)
-
-
-@pytest.mark.parametrize(
-    ("found", "wanted"),
-    [
-        (replace(named(), gain=None), "record a drive that sweeps"),
-        (with_rivals("slow_drift"), "--next-drive PLAN.toml"),
-        (with_rivals("slow_drift", next_drive=PLANNED), "drive the plan, then diagnose"),
-        (
-            with_rivals("slow_drift", next_drive=replace(PLANNED, plan=None)),
-            "record a longer drive under other",
-        ),
-        (with_rivals("slow_drift", prediction=TABLE), "record a longer drive under other"),
-        (with_rivals(), "confirm it on another drive"),
-        (replace(nothing(), evidence=()), "use the plain curve"),
-        (unexplained(), "--formula"),
-        (replace(unexplained(), closest=named().closest), "the closest explanations apart"),
-    ],
-)
-def test_the_next_step_is_one_that_was_not_made_yet(found, wanted):
-    assert wanted in found.next_step
-    assert f"Next: {found.next_step}." in " ".join(str(part) for part in terminal(found))
-    assert found.to_dict()["next"] == found.next_step
 
 
 def test_more_than_the_sensors_noise_is_said():

@@ -81,10 +81,9 @@ class ScoredFamily:
         return min(one.fitted.cross_validated_square for one in both)
 
     @property
-    def held_out_score(self) -> float:
+    def held_out_rmse(self) -> float:
         """Cross-validated whitened RMSE of the curves alone, in standard deviations of noise."""
-        fitted = self.scored.fitted
-        return float(np.sqrt(fitted.cross_validated_square / max(fitted.grams.rows.sum(), 1.0)))
+        return self.scored.held_out_rmse
 
 
 class FamilyChoice(NamedTuple):

@@ -57,6 +57,12 @@ class ScoredModel:
         return frozenset(candidate.effect.id for candidate in self.candidates)
 
     @property
+    def held_out_rmse(self) -> float:
+        """RMSE of the whitened residuals of blocks that were left out, in deviations of noise."""
+        rows = max(float(self.fitted.grams.rows.sum()), 1.0)
+        return float(np.sqrt(self.fitted.cross_validated_square / rows))
+
+    @property
     def drifts(self) -> bool:
         """Whether one of its effects depends on time alone."""
         return any(c.effect.observability.drift for c in self.candidates)

@@ -58,7 +58,10 @@ PARTS = 3
 
 
 def compute_next_drive(
-    found: Findings, explanations: Sequence[Explanation], limits: PlanLimits
+    found: Findings,
+    explanations: Sequence[Explanation],
+    limits: PlanLimits,
+    rivals: Sequence[str] = (),
 ) -> NextDrive:
     """The drive that would tell what is left of explanations apart.
 
@@ -66,6 +69,7 @@ def compute_next_drive(
         found: Findings of a diagnosis.
         explanations: Explanations that are left.
         limits: Limits within which the plan drives.
+        rivals: Ids of the rivals of the named effects.
 
     """
     regression = found.prepared.regression.last_fit
@@ -76,6 +80,9 @@ def compute_next_drive(
     # A longer one would not be taken for a drive that decides.
     longest_s = max(drive.driven_s for drive in regression.data.drives)
     longest_s = min(limits.duration_max, float(np.floor(SHORT * longest_s)))
+    names = tuple(one.name for one in explanations)
+    if len(names) == 1 and rivals:
+        return NextDrive(names, None, _describe_unplanned(names[0], rivals))
     return plan_drive(explanations, setting, replace(limits, duration_max=longest_s))
 
 
@@ -278,6 +285,13 @@ def _describe_too_few(names: Sequence[str]) -> str:
     return (
         f"No plan: one explanation remains, {names[0]}; another drive passed with --holdout "
         "confirms or refutes it."
+    )
+
+
+def _describe_unplanned(name: str, rivals: Sequence[str]) -> str:
+    return (
+        f"No plan: no drive can be computed that distinguishes {name} from {' or '.join(rivals)}, "
+        "since no form in the library of what is named last fits these data as well."
     )
 
 

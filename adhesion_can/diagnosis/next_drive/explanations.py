@@ -1,6 +1,6 @@
 """Explanations that are left of a diagnosis, each fitted to all that was driven."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
 from adhesion_can.diagnosis.regression.whitened_regression import (
     FittedModel,
@@ -25,6 +25,9 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
 )
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
+AS_GOOD = 0.9
+"""Share of what a named effect explains, from which its rival can be planned with: less shows that
+the rival stands for a law of its kind that the library does not have."""
 MOST_EXPLANATIONS = 4
 """Largest number of explanations that a plan is to tell apart."""
 PLAIN = "the plain curve"
@@ -49,16 +52,22 @@ class Explanation:
 
 
 def build_explanations(
-    found: Findings, *, is_confirmed: bool, others: Iterable[Model] = ()
+    found: Findings,
+    *,
+    is_confirmed: bool,
+    rivals: Mapping[Candidate, Sequence[str]],
+    others: Iterable[Model] = (),
 ) -> tuple[Explanation, ...]:
     """Explanations that the data cannot part, the best first.
 
-    They are the selected model and its rivals. Where nothing was confirmed on the held-out data,
-    the models with one effect that are not worse than the best of them, and the plain curve.
+    They are the selected model and its rivals, whatever made them rivals. Where nothing was
+    confirmed on the held-out data, the models with one effect that are not worse than the best of
+    them, and the plain curve.
 
     Args:
         found: Findings of steps 2 to 6.
         is_confirmed: Whether the selected effects hold on the held-out data.
+        rivals: Ids of the effects that the data cannot distinguish from each named one.
         others: Further models that are to be told apart, such as refuted ones that help.
 
     """
@@ -75,7 +84,9 @@ def build_explanations(
     if scored:
         best = min(scored, key=lambda one: one.fitted.cross_validated_square)
         scored = [one for one in scored if one is best or not is_worse(best, one)]
-    scored = scored[:MOST_EXPLANATIONS]
+    # A rival has been called indistinguishable: no test of the blocks takes that back.
+    named = (_refit(regression, model) for model in _models_of_rivals(found, rivals))
+    scored = _without_duplicates([*scored, *named])[:MOST_EXPLANATIONS]
     if not is_confirmed and scored:
         plain = _refit(regression, found.baseline.fitted.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
@@ -109,6 +120,26 @@ def _rivals_of_shape(
         if own:
             found += [one.model for one in propose_effects(regression, start, own)[:1]]
     return found
+
+
+def _models_of_rivals(
+    found: Findings, rivals: Mapping[Candidate, Sequence[str]]
+) -> Iterator[Model]:
+    """The selected model with a named effect replaced by each of its rivals, where that fits."""
+    regression, best = found.prepared.regression.last_fit, found.selection.best.fitted.model
+    fitted = fit_model(regression, best)
+    for candidate, ids in rivals.items():
+        if candidate not in best.candidates:
+            continue
+        without = fit_model(regression, remove_effect(best, best.candidates.index(candidate))[0])
+        square = without.cross_validated_square
+        least = AS_GOOD * (square - fitted.cross_validated_square)
+        for rival in ids:
+            forms = [one for one in found.prepared.candidates if one.effect.id == rival]
+            for proposal in propose_effects(regression, without.model, forms)[:1]:
+                model = fit_model(regression, proposal.model)
+                if square - model.cross_validated_square >= least and not _is_at_bound(model.model):
+                    yield model.model
 
 
 def _refit(regression: WhitenedRegression, model: Model) -> ScoredModel:

@@ -1,0 +1,52 @@
+"""The last line of a command: the step that follows, on terminal, page and in JSON."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from adhesion_can.cli.common import own_command
+from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
+from adhesion_can.reporting.text import console
+
+_OUTPUTS = ("extended", "next_drive", "out")
+
+
+def typed_words(
+    options: argparse.Namespace, inputs: Sequence[Path], *, tables: bool = False
+) -> Typed:
+    """What the user typed, from which the next command is made.
+
+    Args:
+        options: Options of the command.
+        inputs: Recordings or tables, one at least.
+        tables: Whether they are tables.
+
+    """
+    configuration = []
+    for name in ("config", "dbc"):
+        path = getattr(options, name, None)
+        if path is not None:
+            configuration += [f"--{name}", str(path)]
+    if getattr(options, "lenient", False):
+        configuration.append("--lenient")
+    columns = [word for text in getattr(options, "column", ()) for word in ("--column", text)]
+    assume = getattr(options, "assume", None)
+    if assume is not None:
+        columns += ["--assume", assume]
+    named = {name: getattr(options, name, None) for name in _OUTPUTS}
+    return Typed(
+        inputs=tuple(inputs),
+        tables=tables,
+        program=own_command(),
+        configuration=tuple(configuration),
+        columns=tuple(columns),
+        formulas=tuple(getattr(options, "formula", ())),
+        holdout=tuple(getattr(options, "holdout", ())),
+        model=getattr(options, "model", None),
+        outputs={f"--{name.replace('_', '-')}": path for name, path in named.items() if path},
+    )
+
+
+def print_next(step: NextStep) -> None:
+    """Print the line with which a command ends."""
+    console().print(step.line, markup=False)

@@ -1,0 +1,147 @@
+"""Evidence of every tested effect, with the comparison that decided about it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import nan
+
+import numpy as np
+
+from adhesion_can.diagnosis.cause_result import Cause
+from adhesion_can.diagnosis.evidence import Decision, Evidence, ModelScore
+from adhesion_can.diagnosis.formatting import effect_name
+from adhesion_can.diagnosis.inference.candidates import IMITATED
+from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, worse_p_value
+from adhesion_can.diagnosis.regression.candidate import Candidate
+
+PLAIN = "plain curve"
+"""Name of the model without effects in a list of scores."""
+_FIRST = (Decision.NAMED, Decision.RIVAL)
+"""Decisions whose evidence comes first, in this order."""
+
+
+def build_evidence(found: Findings, causes: Sequence[Cause]) -> tuple[Evidence, ...]:
+    """Evidence of every tested effect: named ones, their rivals, then by gain.
+
+    Args:
+        found: Findings of steps 2 to 6.
+        causes: Named causes.
+
+    """
+    candidates, detection = found.prepared.candidates, found.detection
+    plain = found.selection.plain
+    fits = _fits_alone(found)
+    out = []
+    for place, candidate in enumerate(candidates):
+        cosines = np.abs(detection.cosines[place])
+        # What the curve imitates leaves round-off, whose cosines mean nothing.
+        others = [
+            i
+            for i, c in enumerate(candidates)
+            if c.effect.id != candidate.effect.id and detection.absorbed[i] < IMITATED
+        ]
+        most_alike = int(others[int(np.argmax(cosines[others]))]) if others else place
+        fit = fits.get(candidate)
+        gain = 50.0 * float(detection.test.gain[place])
+        decision, worse = _decide(found, candidate, place, causes, fit)
+        out.append(
+            Evidence(
+                candidate.effect.id,
+                candidate.effect.form,
+                candidate.axle,
+                float(detection.test.statistic[place]),
+                float(detection.test.p_value[place]),
+                float(np.clip(detection.absorbed[place], 0.0, 1.0)),
+                (candidates[most_alike].effect.id, float(detection.cosines[place, most_alike])),
+                gain if fit is None else 100.0 * (1.0 - fit.rmse / plain.rmse),
+                decision,
+                worse,
+            )
+        )
+    out = _mark_rivals(out, causes)
+    return tuple(sorted(out, key=lambda e: (_rank(e.decision), -e.gain_percent, e.p_value)))
+
+
+def build_model_scores(found: Findings, evidence: Sequence[Evidence]) -> tuple[ModelScore, ...]:
+    """Held-out scores of the models that were compared, the smallest first.
+
+    Args:
+        found: Findings of steps 2 to 6.
+        evidence: Evidence of every tested effect.
+
+    """
+    decisions = {(e.effect, e.form, e.axle): e.decision for e in evidence}
+    best, plain = found.selection.best, found.selection.plain
+    scores = [ModelScore(PLAIN, plain.held_out_rmse, None)]
+    if best is not plain:
+        name = " with ".join(_name(candidate) for candidate in best.candidates)
+        selected = [decisions.get(_key(candidate)) for candidate in best.candidates]
+        decision = Decision.NAMED if Decision.NAMED in selected else None
+        scores.append(ModelScore(name, best.held_out_rmse, decision))
+    scores += [
+        ModelScore(_name(candidate), fit.held_out_rmse, decisions.get(_key(candidate)))
+        for candidate, fit in _fits_alone(found).items()
+        if best.candidates != (candidate,)
+    ]
+    return tuple(sorted(scores, key=lambda one: one.held_out_rmse))
+
+
+def _fits_alone(found: Findings) -> Mapping[Candidate, ScoredModel]:
+    """Models with one effect that were fitted, by their effect."""
+    selection = found.selection
+    fits = (*selection.singles, *selection.implausible)
+    out = {one.candidates[0]: one for one in fits}
+    if len(selection.best.candidates) == 1:
+        out[selection.best.candidates[0]] = selection.best
+    return out
+
+
+def _decide(
+    found: Findings,
+    candidate: Candidate,
+    place: int,
+    causes: Sequence[Cause],
+    fit: ScoredModel | None,
+) -> tuple[Decision, float]:
+    """The decision about an effect, rivals apart, and the p-value of being worse; NaN for none."""
+    best, effect = found.selection.best, candidate.effect.id
+    named = effect in {cause.effect for cause in causes}
+    # The first one that holds decided.
+    steps = (
+        (named and candidate in best.candidates, Decision.NAMED),
+        (named, Decision.OTHER_FORM),
+        (found.detection.absorbed[place] >= IMITATED, Decision.IMITATED),
+        (any(effect == one.effect for one in found.refuted), Decision.REFUTED),
+        (found.detection.test.p_value[place] > found.alpha, Decision.NOT_SIGNIFICANT),
+        (fit is None, Decision.WEAKER),
+        (fit is not None and not fit.is_plausible, Decision.IMPLAUSIBLE),
+        (not best.candidates, Decision.NOT_NAMED),
+    )
+    decision = next((decision for holds, decision in steps if holds), Decision.WORSE)
+    if fit is None or decision is not Decision.WORSE:
+        return decision, nan
+    return decision, worse_p_value(best.fitted, fit.fitted)
+
+
+def _mark_rivals(evidence: Sequence[Evidence], causes: Sequence[Cause]) -> list[Evidence]:
+    """The same with the strongest form of each rival as rival, and the others that were fitted."""
+    out = list(evidence)
+    for rival in {rival for cause in causes for rival in cause.rivals}:
+        own = [place for place, one in enumerate(out) if one.effect == rival]
+        strongest = max(own, key=lambda k: out[k].gain_percent, default=None)
+        for place in own:
+            if place == strongest or out[place].decision is Decision.WORSE:
+                out[place] = replace(out[place], decision=Decision.RIVAL, worse_p_value=nan)
+    return out
+
+
+def _rank(decision: Decision) -> int:
+    return _FIRST.index(decision) if decision in _FIRST else len(_FIRST)
+
+
+def _key(candidate: Candidate) -> tuple[str, str, int]:
+    return candidate.effect.id, candidate.effect.form, candidate.axle
+
+
+def _name(candidate: Candidate) -> str:
+    return effect_name(*_key(candidate))

@@ -1,0 +1,138 @@
+"""What to do after a diagnosis."""
+
+from adhesion_can.config import Configuration
+from adhesion_can.diagnosis.result import Diagnosis, Verdict
+from adhesion_can.physics.channels import channel_label
+from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
+from adhesion_can.reporting.next_steps.quantities import Meaning, describe_cause
+
+WHEEL_RADIUS = "wheel_radius"
+PLAN, MODEL, CALIBRATED = "plan.toml", "model.toml", "calibrated.toml"
+"""Names of files that the user has not named."""
+DRIVE = "record a drive that sweeps the slip in traction and braking for four minutes"
+
+
+def after_diagnosis(found: Diagnosis, typed: Typed, configuration: Configuration) -> NextStep:
+    """What was found, and what to do next.
+
+    Args:
+        found: Result of the diagnosis.
+        typed: What the user typed.
+        configuration: Vehicle and roles of the recordings.
+
+    """
+    if found.gain is None:
+        finding = "These data allow no verdict."
+        return NextStep(finding, f"{DRIVE}, then {typed.command('diagnose', _new(typed))}")
+    meanings = [
+        describe_cause(cause, configuration, alone=len(found.causes) == 1, tables=typed.tables)
+        for cause in found.causes
+    ]
+    finding = " ".join([*(one.text for one in meanings), *_reservations(found)])
+    return NextStep(finding, _action(found, typed, meanings))
+
+
+def _new(typed: Typed) -> str:
+    return typed.new_file("NEW")
+
+
+# ----------------------------------------------------------------------------------- findings
+
+
+def _reservations(found: Diagnosis) -> list[str]:
+    """Rivals, what is unexplained, and why there is no plan: sentences behind the causes."""
+    said = [
+        f"These data cannot distinguish {cause.effect} from {' or '.join(cause.rivals)}."
+        for cause in found.causes
+        if cause.rivals
+    ]
+    if found.verdict is Verdict.UNEXPLAINED:
+        said.append(_unexplained(found))
+    elif found.verdict is Verdict.NOTHING and found.conclusive:
+        said.append("The plain curve leaves nothing but noise.")
+    elif found.verdict is Verdict.NOTHING:
+        said.append("These data cannot show whether the plain curve is right.")
+    planned = found.next_drive
+    if planned is not None and planned.plan is None:
+        said.append(planned.sentence)
+    return said
+
+
+def _unexplained(found: Diagnosis) -> str:
+    if found.channel is None:
+        return "The plain curve leaves more than noise, and no known effect explains it."
+    return (
+        f"The error of the plain curve depends on {channel_label(found.channel)}, and no known "
+        "effect explains it."
+    )
+
+
+# ------------------------------------------------------------------------------------ actions
+
+
+def _action(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
+    planned = found.next_drive
+    if planned is not None and planned.plan is not None:
+        plan = typed.outputs.get("--next-drive", PLAN)
+        drive = typed.command("control", "--plan", plan, "-i", "INTERFACE", "-c", "CHANNEL")
+        return f"drive the plan with {drive}, then {_together(typed)}"
+    if found.verdict is Verdict.UNEXPLAINED:
+        return _after_unexplained(found, typed)
+    if found.verdict is Verdict.NAMED:
+        return _after_named(found, typed, meanings)
+    if found.conclusive:
+        return typed.on_inputs("identify")
+    return f"record a longer drive that excites more, then {_together(typed)}"
+
+
+def _after_named(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
+    if any(cause.rivals for cause in found.causes):
+        return _distinguish(found, typed)
+    if all(one.setting for one in meanings):
+        return _correct(found, typed, meanings)
+    return _use_model(typed)
+
+
+def _distinguish(found: Diagnosis, typed: Typed) -> str:
+    """The drive that distinguishes what is left."""
+    if found.next_drive is None and not typed.tables:
+        return typed.on_inputs("diagnose", "--next-drive", PLAN)
+    if found.needed:
+        return f"{found.needed}; then {_together(typed)}"
+    return f"record a longer drive under other conditions, then {_together(typed)}"
+
+
+def _after_unexplained(found: Diagnosis, typed: Typed) -> str:
+    if found.saturated:
+        return "widen the range of the effort signals that are cut off, and record the drive again"
+    if found.closest:
+        return _distinguish(found, typed)
+    tested = typed.on_inputs("diagnose", "--formula", "1 + a * NAME where a=0.01")
+    source = "give the column" if typed.tables else "add the signal under [channels]"
+    return f"{source} that may be the cause, or test a law of your own: {tested}"
+
+
+def _correct(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
+    """Correct the configuration, by `calibrate` where it measures what is wrong."""
+    settings = " and ".join(one.setting for one in meanings)
+    write = f"write {settings} in the configuration"
+    if all(cause.effect == WHEEL_RADIUS for cause in found.causes):
+        return f"{typed.on_inputs('calibrate', '--out', CALIBRATED)}, or {write}"
+    return f"{write}, then {typed.on_inputs('diagnose')}"
+
+
+def _use_model(typed: Typed) -> str:
+    """Write the extended model, confirm it on another drive, use it: the first not yet done."""
+    model = typed.outputs.get("--extended")
+    if model is None:
+        return typed.on_inputs("diagnose", "--extended", MODEL)
+    if not typed.holdout:
+        other = typed.new_file("OTHER")
+        return f"confirm it on another drive: {typed.command('evaluate', other, '--model', model)}"
+    name = "identify" if typed.tables else "replay"
+    return typed.on_inputs(name, "--model", model)
+
+
+def _together(typed: Typed) -> str:
+    """The diagnosis of the inputs together with a further drive."""
+    return typed.on_inputs("diagnose", _new(typed))

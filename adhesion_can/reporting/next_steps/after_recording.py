@@ -1,0 +1,124 @@
+"""What to do after `check`, `replay`, `identify` and `evaluate`."""
+
+from collections.abc import Sequence
+
+from adhesion_can.diagnosis.evaluate import Evaluation
+from adhesion_can.estimation.batch_result import BatchResult
+from adhesion_can.offline.check import CheckResult
+from adhesion_can.offline.check_table import TableCheck
+from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.objection import WORDINGS, Objection
+from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
+
+BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
+LIVE = ("-i", "INTERFACE", "-c", "CHANNEL")
+"""Options of a bus, for the user to fill in."""
+
+
+def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> NextStep:
+    """Whether the data are usable, and what to do next.
+
+    Args:
+        results: Check of the recordings together, or of each table.
+        typed: What the user typed.
+
+    """
+    failures = [one for result in results for one in result.failures]
+    if failures:
+        which = "this fault" if len(failures) == 1 else f"these {len(failures)} faults"
+        return NextStep(
+            f"The data are not usable as they are: {failures[0].rstrip('.')}.",
+            f"fix {which}, then {typed.on_inputs('check')}",
+        )
+    fits = [result.fit for result in results if result.fit is not None]
+    if not fits:
+        return NextStep(
+            "The data are readable, and no adhesion can be computed from them.",
+            "give the roles or columns that are missing, then " + typed.on_inputs("check"),
+        )
+    if not any(_has_peak(fit) for fit in fits):
+        return NextStep(
+            "The data are readable, and no peak is identifiable from them.",
+            f"{BEYOND}, then {typed.command('check', typed.new_file('NEW'))}",
+        )
+    name = "identify" if typed.tables else "replay"
+    return NextStep("The data are usable, and a peak is identifiable.", typed.on_inputs(name))
+
+
+def after_identification(found: BatchResult, typed: Typed) -> NextStep:
+    """The peak where there is one, and what to do next.
+
+    Args:
+        found: Result of the batch fit.
+        typed: What the user typed.
+
+    """
+    known = [one.estimate for one in found.segments if one.estimate.identifiable.both]
+    if not known:
+        # A faulty instrument hides a peak as small slips do: only the diagnosis distinguishes them.
+        return NextStep("No peak is identifiable.", typed.on_inputs("diagnose"))
+    count = f"{len(known)} of {len(found.segments)} surfaces have a peak"
+    finding = f"{_peak(known[0])}." if len(found.segments) == 1 else f"{count}."
+    if typed.model is not None:
+        return NextStep(finding, typed.on_inputs("evaluate", "--model", typed.model))
+    return NextStep(finding, typed.on_inputs("diagnose"))
+
+
+def after_replay(
+    last: Estimate | None,
+    doubts: Sequence[Doubt],
+    objections: Sequence[Objection],
+    typed: Typed,
+) -> NextStep:
+    """What the service ended with, and what to do next.
+
+    Args:
+        last: Last estimate; None: there is none.
+        doubts: What the service doubted, the most frequent first.
+        objections: What it objected to, the most frequent first.
+        typed: What the user typed.
+
+    """
+    objection = next((one for one in objections if one in WORDINGS), None)
+    if objection is not None:
+        what = WORDINGS[objection].what
+        return NextStep(f"The service objects to the readings: {what}.", typed.on_inputs("check"))
+    doubt = next((one for one in doubts if one in DESCRIPTIONS), None)
+    if doubt is not None:
+        finding = f"The service doubts its curve: {DESCRIPTIONS[doubt]}."
+        return NextStep(finding, typed.on_inputs("diagnose"))
+    if last is None:
+        return NextStep("The service found no curve.", typed.on_inputs("check"))
+    if not last.identifiable.both:
+        return NextStep("The drive ends without an identifiable peak.", typed.on_inputs("identify"))
+    model = () if typed.model is None else ("--model", typed.model)
+    return NextStep(f"{_peak(last)}, without a doubt.", typed.command("run", *LIVE, *model))
+
+
+def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
+    """What the model is worth on these data, and what to do next.
+
+    Args:
+        found: Result of the evaluation.
+        typed: What the user typed; with a model.
+
+    """
+    refitted = found.total.refitted
+    if refitted.percent > 0.0 and refitted.interval[0] > 0.0:
+        model = () if typed.model is None else ("--model", typed.model)
+        name = "identify" if typed.tables else "replay"
+        return NextStep("The model's effects hold on these data.", typed.on_inputs(name, *model))
+    harm = refitted.interval[1] < 0.0
+    finding = "do harm on these data" if harm else "gain nothing that is certain on these data"
+    return NextStep(
+        f"The model's effects {finding}.", typed.on_inputs("diagnose", "--extended", "NEW.toml")
+    )
+
+
+def _has_peak(fit: BatchResult) -> bool:
+    return any(segment.estimate.identifiable.both for segment in fit.segments)
+
+
+def _peak(estimate: Estimate) -> str:
+    return f"The peak is {estimate.mu_max:.3f} at slip {estimate.lambda_m:.3f}"

@@ -1,0 +1,222 @@
+"""Named causes in the quantities that a user knows: metres, newtons, milliseconds, percent."""
+
+from collections.abc import Callable, Mapping
+from math import floor, isfinite, log10
+from typing import NamedTuple
+
+from adhesion_can.bus.roles import SignalChoice
+from adhesion_can.config import Configuration
+from adhesion_can.config.calibrated_radii import rim_axles
+from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
+from adhesion_can.diagnosis.sentences import cause_sentence
+from adhesion_can.physics.readings import Role
+
+MOST_DIGITS = 2
+"""Decimals of a percentage, at most."""
+LOAD_STEP = 1.1
+"""Ratio of two axle loads for which the change of the adhesion is stated."""
+
+
+class Meaning(NamedTuple):
+    """A cause in the user's quantities.
+
+    Attributes:
+        text: What is wrong, a sentence.
+        setting: Keys of the configuration that correct it, with their values; '' where none does.
+
+    """
+
+    text: str
+    setting: str = ""
+
+
+Values = Mapping[str, ParameterValue]
+Describe = Callable[[Values, Configuration], Meaning]
+
+
+def describe_cause(
+    cause: Cause, configuration: Configuration, *, alone: bool, tables: bool
+) -> Meaning:
+    """A named cause in the user's quantities.
+
+    Args:
+        cause: Named cause.
+        configuration: Vehicle and roles of the recordings.
+        alone: Whether it is the only cause.
+        tables: Whether the data are tables, to which no vehicle belongs.
+
+    """
+    values = {value.name: value for value in cause.parameters}
+    describe = _BY_FORM.get((cause.effect, cause.form))
+    at_bound = any(value.at_bound for value in cause.parameters)
+    vehicle_is_known = not tables or (cause.effect, cause.form) not in _OF_VEHICLE
+    if describe is not None and not at_bound and vehicle_is_known:
+        meaning = describe(values, configuration)
+        return Meaning(meaning.text) if tables else meaning
+    return Meaning(cause_sentence(cause, alone=alone))
+
+
+# ------------------------------------------------------------------- vehicle and instruments
+
+
+def _wheel_radius(values: Values, configuration: Configuration) -> Meaning:
+    error, axle = values["error"], round(values["axle"].value)
+    radii = list(configuration.vehicle.wheel_radius)
+    share = f"{_percent(error)} {'smaller' if error.value < 0 else 'larger'} than configured"
+    if axle > len(radii):
+        return Meaning(f"Axle {axle}'s wheel is {share}.")
+    if axle in rim_axles(configuration):
+        choice = _choice(configuration, Role.WHEEL_SPEED, axle)
+        factor = (choice.used_factor if choice else 1.0) * (1.0 + error.value)
+        text = f"Axle {axle}'s wheel is {share}: its sender takes the wrong radius."
+        return Meaning(text, f"factor = {factor:.5g} at wheel_speed.{axle}")
+    before = radii[axle - 1]
+    radii[axle - 1] = before * (1.0 + error.value)
+    text = f"Axle {axle}'s wheel is {share}: {radii[axle - 1]:.4f} m, not {before:.4f}."
+    return Meaning(text, f"wheel_radius_m = [{', '.join(f'{r:.4f}' for r in radii)}]")
+
+
+def _speed_scale(values: Values, configuration: Configuration) -> Meaning:
+    error = values["error"]
+    choice = _choice(configuration, Role.VEHICLE_SPEED, 0)
+    factor = (choice.used_factor if choice else 1.0) / (1.0 + error.value)
+    text = f"The vehicle speed reads {_percent(error)} {_high(error)}."
+    return Meaning(text, f"factor = {factor:.5g} at vehicle_speed")
+
+
+def _effort_gain_of_axle(values: Values, configuration: Configuration) -> Meaning:
+    gain, axle = values["gain"], round(values["axle"].value)
+    choice = _choice(configuration, Role.TRACTIVE_EFFORT, axle)
+    factor = (choice.used_factor if choice else 1.0) / (1.0 + gain.value)
+    text = f"The tractive effort of axle {axle} reads {_percent(gain)} {_high(gain)}."
+    return Meaning(text, f"factor = {factor:.5g} at tractive_effort.{axle}")
+
+
+def _effort_gain_of_all(values: Values, configuration: Configuration) -> Meaning:
+    gain = values["gain"]
+    choice = _choice(configuration, Role.TRACTIVE_EFFORT, 1)
+    factor = (choice.used_factor if choice else 1.0) / (1.0 + gain.value)
+    text = f"The tractive effort of all axles reads {_percent(gain)} {_high(gain)}."
+    return Meaning(text, f"factor = {factor:.5g} at each tractive_effort")
+
+
+def _effort_bias(values: Values, configuration: Configuration) -> Meaning:
+    bias = values["bias"]
+    choice = _choice(configuration, Role.TRACTIVE_EFFORT, 1)
+    offset = (choice.offset if choice else 0.0) + bias.value
+    text = f"The tractive effort of each axle reads {abs(bias.value):.0f} N {_high(bias)}."
+    return Meaning(text, f"offset = {offset:.0f} at each tractive_effort")
+
+
+def _wheelset_inertia(values: Values, configuration: Configuration) -> Meaning:
+    before = configuration.vehicle.wheelset_inertia
+    inertia = before + values["error"].value
+    text = f"The wheelset's inertia is {inertia:.0f} kg·m², not {before:.0f}."
+    return Meaning(text, f"wheelset_inertia_kgm2 = {inertia:.0f}")
+
+
+def _delay(what: str) -> Describe:
+    def describe(values: Values, _: Configuration) -> Meaning:
+        delay = values["delay"].value
+        late = "late" if delay > 0 else "early"
+        return Meaning(f"{what} {1e3 * abs(delay):.0f} ms {late}.")
+
+    return describe
+
+
+def _once_per_turn(values: Values, _: Configuration) -> Meaning:
+    amplitude, axle = values["amplitude"], round(values["axle"].value)
+    return Meaning(f"Axle {axle}'s wheel speed swings by {_percent(amplitude)} once a turn.")
+
+
+def _load_transfer(values: Values, _: Configuration) -> Meaning:
+    size = values["size"]
+    return Meaning(
+        f"The axle loads lack {_percent(size)} of the load transfer that effort and geometry give."
+    )
+
+
+def _friction_brake(values: Values, _: Configuration) -> Meaning:
+    share = _percent(values["share"])
+    return Meaning(f"A friction brake takes {share} of the braking force, beside the effort.")
+
+
+# ------------------------------------------------------------------------------------ contact
+
+
+def _per(name: str, sentence: str, factor: float = 1.0) -> Describe:
+    """A sentence with a share of the adhesion as percent, and 'more' or 'less'."""
+
+    def describe(values: Values, _: Configuration) -> Meaning:
+        return Meaning(sentence.format(_change(values[name], factor)))
+
+    return describe
+
+
+def _load_squared(values: Values, configuration: Configuration) -> Meaning:
+    load = sum(configuration.vehicle.axle_load) / len(configuration.vehicle.axle_load)
+    c5 = values["c5"].value
+    lost, more = (c5 * (ratio * load) ** 2 for ratio in (1.0, LOAD_STEP))
+    return _heavier((1.0 - more) / (1.0 - lost) - 1.0)
+
+
+def _load_power(values: Values, _: Configuration) -> Meaning:
+    return _heavier(LOAD_STEP ** -values["exponent"].value - 1.0)
+
+
+def _heavier(change: float) -> Meaning:
+    step = f"An axle with {100 * (LOAD_STEP - 1):.0f} % more load"
+    way = "less" if change < 0 else "more"
+    return Meaning(f"{step} has {100 * abs(change):.1f} % {way} adhesion.")
+
+
+# -------------------------------------------------------------------------------------- words
+
+
+def _percent(value: ParameterValue, factor: float = 1.0) -> str:
+    """Magnitude of a share in percent, with the decimals that its standard deviation allows."""
+    std = 100.0 * factor * value.std if value.std and isfinite(value.std) else 0.0
+    digits = min(max(-floor(log10(std)), 0), MOST_DIGITS) if std else MOST_DIGITS
+    return f"{abs(100.0 * factor * value.value):.{digits}f} %"
+
+
+def _change(value: ParameterValue, factor: float) -> str:
+    return f"{_percent(value, factor)} {'less' if value.value < 0 else 'more'}"
+
+
+def _high(value: ParameterValue) -> str:
+    return "low" if value.value < 0 else "high"
+
+
+def _choice(configuration: Configuration, role: Role, axle: int) -> SignalChoice | None:
+    own = (one for one in configuration.choices if one.role is role and one.axle == axle)
+    return next(own, None)
+
+
+_BY_FORM: Mapping[tuple[str, str], Describe] = {
+    ("wheel_radius", ""): _wheel_radius,
+    ("speed_scale", ""): _speed_scale,
+    ("effort_gain", "axle"): _effort_gain_of_axle,
+    ("effort_gain", "all"): _effort_gain_of_all,
+    ("effort_bias", ""): _effort_bias,
+    ("wheelset_inertia", ""): _wheelset_inertia,
+    ("effort_delay", ""): _delay("The tractive effort comes"),
+    ("speed_delay", ""): _delay("The vehicle speed comes"),
+    ("wheel_speed_delay", ""): _delay("The wheel speeds come"),
+    ("wheel_once_per_turn", ""): _once_per_turn,
+    ("load_transfer", "geometry"): _load_transfer,
+    ("brake_blending", "constant"): _friction_brake,
+    ("load_dependence", "burckhardt"): _load_squared,
+    ("load_dependence", "power"): _load_power,
+    ("rail_cleaning", ""): _per("gain", "Each axle finds {} adhesion than the one in front."),
+    ("sanding", ""): _per("gain", "Under sand there is {} adhesion."),
+    ("rain", "level"): _per("gain", "With each level of rain there is {} adhesion."),
+    ("humidity", ""): _per("slope", "For each % of humidity there is {} adhesion."),
+    ("rail_temperature", ""): _per("slope", "For each degree of the rail there is {} adhesion."),
+    ("slow_drift", ""): _per("rate", "Every minute there is {} adhesion.", 60.0),
+    ("traction_braking_asymmetry", ""): _per("gain", "In braking there is {} adhesion than in "
+                                             "traction."),
+}  # fmt: skip
+"""Sentence for each effect and form; the others keep title and parameters."""
+_OF_VEHICLE = {("wheel_radius", ""), ("wheelset_inertia", ""), ("load_dependence", "burckhardt")}
+"""Effects whose sentence needs data of the configured vehicle."""

@@ -1,0 +1,198 @@
+"""The line with which a command ends: a finding in the user's quantities, and what can be typed."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from adhesion_can.api.configuration import load_configuration
+from adhesion_can.calibration.fit import AxleRadius, Quantity
+from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
+from adhesion_can.diagnosis.next_drive.result import NextDrive
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
+from adhesion_can.physics.effects import forms_of_effect, known_effects
+from adhesion_can.physics.objection import Objection
+from adhesion_can.reporting.next_steps.after_calibration import after_calibration
+from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
+from adhesion_can.reporting.next_steps.after_recording import after_replay
+from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
+from adhesion_can.reporting.next_steps.quantities import describe_cause
+from tests.reporting.test_diagnosis_report import estimate, named, nothing, unexplained
+
+CONFIGURATION = load_configuration()
+LOG = Typed(inputs=(Path("drive one.log"),), configuration=("--config", "tram.toml"))
+TABLE = Typed(inputs=(Path("rig.csv"),), tables=True, columns=("--column", "slip=kappa"))
+PLANNED = NextDrive(("a", "b"), DrivingPlan((PlanStep(1.0, "coast"),), 10.0), "Drive 1 s.")
+NO_PLAN = NextDrive(("a", "b"), None, "No plan: no manoeuvre is within the limits.")
+
+
+def cause(effect, form, *values, rivals=()):
+    """A cause with values and standard deviations of its free parameters, then its axle."""
+    known = next(one for one in forms_of_effect(effect) if one.form == form)
+    parameters = tuple(
+        ParameterValue(p.name, value, std, p.unit, p.meaning)
+        for p, (value, std) in zip(known.parameters, values, strict=True)
+    )
+    return Cause(effect, form, known.title, "", parameters, 0.001, rivals)
+
+
+def of(*causes, **changes):
+    return replace(named(), causes=causes, next_drive=None, **changes)
+
+
+def line(found, typed=LOG):
+    return after_diagnosis(found, typed, CONFIGURATION).line
+
+
+WHEEL = cause("wheel_radius", "", (-0.01, 2e-5), (3.0, None))
+
+
+@pytest.mark.parametrize(
+    ("one", "text", "setting"),
+    [
+        (WHEEL, "Axle 3's wheel is 1.00 % smaller than configured: 0.6188 m, not 0.6250.",
+         "wheel_radius_m = [0.6250, 0.6250, 0.6188, 0.6250, 0.6250, 0.6250]"),
+        (cause("speed_scale", "", (0.02, 1e-4)), "The vehicle speed reads 2.00 % high.",
+         "factor = 0.98039 at vehicle_speed"),
+        (cause("effort_bias", "", (-1500.0, 90.0)),
+         "The tractive effort of each axle reads 1500 N low.",
+         "offset = -1500 at each tractive_effort"),
+        (cause("effort_gain", "axle", (0.05, 0.004), (2.0, None)),
+         "The tractive effort of axle 2 reads 5.0 % high.",
+         "factor = 0.95238 at tractive_effort.2"),
+        (cause("wheelset_inertia", "", (400.0, 20.0)),
+         "The wheelset's inertia is 600 kg·m², not 200.", "wheelset_inertia_kgm2 = 600"),
+        (cause("effort_delay", "", (-0.028, 0.0003)), "The tractive effort comes 28 ms early.", ""),
+        (cause("slow_drift", "", (-0.0005, 1e-5)),
+         "Every minute there is 3.00 % less adhesion.", ""),
+        (cause("load_dependence", "power", (0.5, 0.01)),
+         "An axle with 10 % more load has 4.7 % less adhesion.", ""),
+        (cause("sanding", "", (0.2, 0.03)), "Under sand there is 20 % more adhesion.", ""),
+    ],
+)  # fmt: skip
+def test_a_cause_is_in_the_users_quantities(one, text, setting):
+    assert describe_cause(one, CONFIGURATION, alone=True, tables=False) == (text, setting)
+
+
+@pytest.mark.parametrize("effect", known_effects(), ids=lambda one: f"{one.id} {one.form}")
+def test_every_effect_has_a_sentence(effect):
+    values = [(p.typical, None if p.axle else abs(p.typical) / 50) for p in effect.parameters]
+    one = cause(effect.id, effect.form, *values)
+    meaning = describe_cause(one, CONFIGURATION, alone=True, tables=False)
+    assert meaning.text[0].isupper()
+    assert meaning.text.endswith(".")
+
+
+def test_a_size_at_its_bound_is_not_stated_as_known():
+    (size, axle) = WHEEL.parameters
+    at_bound = replace(WHEEL, parameters=(replace(size, std=None, at_bound=True), axle))
+    meaning = describe_cause(at_bound, CONFIGURATION, alone=True, tables=False)
+    assert "at its bound" in meaning.text
+    assert not meaning.setting
+
+
+def test_a_wheel_is_calibrated_or_written():
+    assert line(of(WHEEL)) == (
+        "Axle 3's wheel is 1.00 % smaller than configured: 0.6188 m, not 0.6250. Next: "
+        "adhesion-can calibrate 'drive one.log' --out calibrated.toml --config tram.toml, or "
+        "write wheel_radius_m = [0.6250, 0.6250, 0.6188, 0.6250, 0.6250, 0.6250] in the "
+        "configuration"
+    )
+    # To a table belongs no vehicle that could be corrected.
+    assert "calibrate" not in line(of(WHEEL), TABLE)
+
+
+DELAY = cause("effort_delay", "", (0.028, 0.0003))
+RIVALLED = replace(DELAY, rivals=("wheel_speed_delay",))
+
+
+@pytest.mark.parametrize(
+    ("found", "typed", "wanted"),
+    [
+        (replace(named(), gain=None), LOG, "then adhesion-can diagnose NEW.log --config tram.toml"),
+        (of(DELAY), LOG, "adhesion-can diagnose 'drive one.log' --extended model.toml --config"),
+        (of(DELAY), replace(LOG, outputs={"--extended": Path("m.toml")}),
+         "adhesion-can evaluate OTHER.log --model m.toml --config tram.toml"),
+        (of(DELAY),
+         replace(LOG, outputs={"--extended": Path("m.toml")}, holdout=(Path("b.log"),)),
+         "adhesion-can replay 'drive one.log' --model m.toml --config tram.toml"),
+        (of(DELAY), TABLE,
+         "adhesion-can diagnose rig.csv --extended model.toml --column slip=kappa"),
+        (of(RIVALLED), LOG,
+         "from wheel_speed_delay. Next: adhesion-can diagnose 'drive one.log' --next-drive plan"),
+        (of(RIVALLED, needed=None), TABLE, "record a longer drive under other conditions, then"),
+        (of(RIVALLED, needed="to distinguish a from b, record coasting"), TABLE,
+         "to distinguish a from b, record coasting; then adhesion-can diagnose rig.csv NEW.csv"),
+        (replace(of(RIVALLED), next_drive=PLANNED),
+         replace(LOG, outputs={"--next-drive": Path("p.toml")}),
+         "Next: drive the plan with adhesion-can control --plan p.toml -i INTERFACE -c CHANNEL"),
+        (replace(of(RIVALLED, needed=None), next_drive=NO_PLAN), LOG,
+         "No plan: no manoeuvre is within the limits. Next: record"),
+        (replace(nothing(), evidence=()), LOG, "Next: adhesion-can identify 'drive one.log'"),
+        (unexplained(), LOG, "--formula '1 + a * NAME where a=0.01'"),
+        (replace(unexplained(), closest=named().closest), LOG, "--next-drive plan.toml"),
+        (replace(unexplained(), saturated=True), LOG, "widen the range of the effort signals"),
+    ],
+)  # fmt: skip
+def test_what_follows_a_diagnosis_is_what_was_not_done_yet(found, typed, wanted):
+    said = line(found, typed)
+    assert wanted in said
+    assert "\n" not in said
+    assert said.count("Next: ") == 1
+
+
+def test_what_is_rerun_keeps_formulas_and_held_out_data():
+    typed = replace(LOG, formulas=("1 + a * wind where a=0.1",), holdout=(Path("-b.log"),))
+    assert typed.on_inputs("diagnose") == (
+        "adhesion-can diagnose 'drive one.log' --holdout ./-b.log "
+        "--formula '1 + a * wind where a=0.1' --config tram.toml"
+    )
+    assert replace(LOG, inputs=(Path("a.log.gz"),)).new_file("NEW") == "NEW.log"
+
+
+def test_the_json_of_a_diagnosis_has_the_line():
+    assert replace(named(), next_step="Next: coast").to_dict()["next"] == "Next: coast"
+    assert NextStep("", "coast").line == "Next: coast"
+
+
+class Calibrated:
+    """What `after_calibration` asks of a calibration."""
+
+    def __init__(self, *ratios, std=1e-5):
+        self.systematic_percent = 0.09
+        self.axles = [
+            AxleRadius(axle, 0.625, Quantity(0.625 * ratio, std, (0.0, 1.0)), 60.0, 9)
+            for axle, ratio in enumerate(ratios, start=1)
+        ]
+
+
+def test_radii_agree_or_are_written():
+    agree, worn = Calibrated(1.0005, 0.9995), Calibrated(1.0, 0.99)
+    assert "agree" in after_calibration(Calibrated(0.99, std=0.01), LOG, ()).finding
+    assert after_calibration(agree, LOG, ()).line == (
+        "The radii agree with the configuration. Next: adhesion-can diagnose 'drive one.log' "
+        "--config tram.toml"
+    )
+    assert after_calibration(worn, LOG, ()).line == (
+        "Axle 2's wheel is 1.00 % smaller than configured: 0.6188 m, not 0.6250. Next: "
+        "adhesion-can calibrate 'drive one.log' --out calibrated.toml --config tram.toml"
+    )
+    written = replace(LOG, outputs={"--out": Path("new.toml")})
+    assert after_calibration(worn, written, ()).action == (
+        "adhesion-can diagnose 'drive one.log' --config new.toml"
+    )
+
+
+@pytest.mark.parametrize(
+    ("doubts", "objections", "last", "wanted"),
+    [
+        ([Doubt.NONE], [Objection.NONE], estimate(), "Next: adhesion-can run -i INTERFACE -c"),
+        ([Doubt.NONE, Doubt.AXLE], [], estimate(), "differ. Next: adhesion-can diagnose"),
+        ([Doubt.AXLE], [Objection.NONE, Objection.LOADS_JUMP], estimate(), "adhesion-can check"),
+        ([Doubt.NONE], [], estimate(identifiable=False), "Next: adhesion-can identify"),
+        ([Doubt.NONE], [], None, "The service found no curve. Next: adhesion-can check"),
+    ],
+)  # fmt: skip
+def test_what_follows_a_replay(doubts, objections, last, wanted):
+    assert wanted in after_replay(last, doubts, objections, LOG).line
