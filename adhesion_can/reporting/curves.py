@@ -12,8 +12,8 @@ from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale, plus_minus
 
 SCORE_NOTE = (
     f"{HELD_OUT_RMSE}: RMSE of the whitened residuals there, in standard deviations σ of the "
-    "noise; smaller is better. Weights follow from the log density, which also counts how well a family "
-    "states its noise."
+    "noise; smaller is better. Weights follow from the log density, which also counts how well a "
+    "family states its noise."
 )
 """Meaning of the scores of families."""
 CREEP_SPEED = 1.0
