@@ -90,7 +90,7 @@ def test_a_manifest_names_vehicle_line_and_place(folder):
     ("text", "said"),
     [
         ("path,vehicle\n", "no row"),
-        ("path\na/one.log\n", "no column 'vehicle'; start with path,vehicle"),
+        ("path\na/one.log\n", "no column 'vehicle'; the first columns must be path,vehicle"),
         ("path,vehicle,latitud\n", "no column 'latitud' is known; similar names: latitude"),
         ("path,vehicle\na/one.log,\n", "line 2: no vehicle; fill it in"),
         ("path,vehicle\na/gone.log,x\n", "gone.log: No such file or directory"),
