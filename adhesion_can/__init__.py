@@ -1,6 +1,6 @@
 """adhesion-can: the wheel/rail adhesion curve, identified online from a CAN bus.
 
-The public interface is what `__all__` lists; every other module is private and may move. A name is
+`__all__` lists the public interface; every other module is private and may move. A name is
 imported when it is first used, so that importing the package costs nothing.
 
     >>> import numpy as np

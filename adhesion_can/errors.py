@@ -1,6 +1,6 @@
 """The errors that a caller may want to catch, in one small tree.
 
-Every message names what is wrong, where, and how to mend it, on one line.
+Every message names what is wrong, where, and how to fix it, on one line.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ class InputError(AdhesionCanError):
     Args:
         where: File, line, key or signal, as the user would look it up.
         what: Fault of the input.
-        mend: Advice how to mend it.
+        mend: Advice how to fix it.
 
     """
 

@@ -178,7 +178,7 @@ class Temporary:
                 part.unlink()
 
     def remove(self) -> None:
-        """Close and delete; whatever led here is the error to be told."""
+        """Close and delete; whatever led here is the error to be reported."""
         with suppress(OSError):
             self.file.close()
         with suppress(OSError):
@@ -238,7 +238,7 @@ class OutputFile:
                     self.file = self._temporary.file
 
     def set_aside(self) -> Temporary:
-        """What was written so far, closed, to be read again and removed; the output begins anew.
+        """What was written so far, closed, to be read again and removed; the output starts again.
 
         Raises:
             InputError: It cannot be written.
@@ -292,7 +292,7 @@ def whole_file(
     own_name: bool = False,
     reader_wait_s: float = READER_WAIT_S,
 ) -> Iterator[Any]:
-    """Write a file from its begin to its end; it gets its name when all is written.
+    """Write a file from its start to its end; it gets its name when all is written.
 
     Args:
         path: Path of the finished file; a suffix .gz compresses it.

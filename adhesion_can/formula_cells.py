@@ -1,8 +1,8 @@
 """Cells of CSV that a spreadsheet would compute: an apostrophe in front makes them text.
 
-Names come from databases and tables of strangers, and a spreadsheet takes what begins with one of
-`= + - @` for a formula, which may start programs or send cells away. The apostrophe is what
-spreadsheets and OWASP know; whoever reads our files takes it off again.
+Names come from databases and tables of strangers, and a spreadsheet takes what starts with one of
+`= + - @` for a formula, which may start programs or send cells away. Spreadsheets and OWASP know
+the apostrophe; a reader of our files has to remove it.
 """
 
 import re

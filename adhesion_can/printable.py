@@ -1,6 +1,6 @@
 """Text of strangers on its way to a terminal: the one place where it is made harmless.
 
-Headings, channel names, units, comments and file names come from whoever made a file. On a terminal
+Headings, channel names, units, comments and file names come from the maker of a file. On a terminal
 a control character in them may set its title, move the cursor over other lines or forge one.
 """
 

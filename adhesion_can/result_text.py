@@ -33,8 +33,8 @@ def plus_minus(value: float | None, std: float | None, digits: int = 4) -> str:
     """Text of a value with its standard deviation.
 
     Args:
-        value: Value; a dash stands for None, not available.
-        std: Standard deviation; a question mark stands for None and inf, not known.
+        value: Value; a dash means None, not available.
+        std: Standard deviation; a question mark means None and inf, not known.
         digits: Number of decimals of both.
 
     """
@@ -46,13 +46,13 @@ def plus_minus(value: float | None, std: float | None, digits: int = 4) -> str:
 
 
 DATES_FROM_US = 100_000_000_000_000
-"""Stamps from here on are dates, µs since 1970; smaller ones count from the begin of a recording,
+"""Stamps from here on are dates, µs since 1970; smaller ones count from the start of a recording,
 which lasts less than three years."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimeScale:
-    """Times of a result for people: seconds from its begin where its stamps are dates.
+    """Times of a result for people: seconds from its start where its stamps are dates.
 
     Attributes:
         zero_us: Stamp that time counts from, µs.
@@ -68,7 +68,7 @@ class TimeScale:
 
     @property
     def begin(self) -> str:
-        """Date and time of the begin in UTC, to a second; '' where the stamps are no dates."""
+        """Date and time of the start in UTC, to a second; '' where the stamps are no dates."""
         if not self.zero_us:
             return ""
         return f"{datetime.fromtimestamp(self.zero_us / 1e6, UTC):%Y-%m-%d %H:%M:%S} UTC"

@@ -73,14 +73,14 @@ def diagnose(
         formulas: Formulas that are tested as effects are, such as
             '1 + a * max(wind - b, 0) where a=0.1, b=5': the factor of the adhesion, or
             of a reading over its true value, with 'speed:' or 'effort:' in front.
-        next_drive: Whether the drive is computed that would tell the remaining explanations apart,
+        next_drive: Whether the drive is computed that would distinguish the remaining explanations,
             within `[limits]` of the configuration.
         witness: Whether named causes must also remove the service's doubt on the longest recording;
             a fifth of the time more.
         show: Callback with the work in progress and the share that is done.
 
     Returns:
-        Diagnosis; its `model` is what `replay` and `simulate` take as `model`.
+        Diagnosis; `replay` and `simulate` take its `model` as `model`.
 
     Raises:
         InputError: A file is missing or given twice, not one row is usable, or a formula cannot be
@@ -353,7 +353,7 @@ def diagnose_inputs(
         show: Callback with the work in progress and the share that is done.
         formulas: Formulas that are tested as effects are.
         effect_grams: Whether the Gram matrices of the effects are wanted.
-        limits: Limits of the drive that would tell the remaining explanations apart; None: none is
+        limits: Limits of the drive that would distinguish the remaining explanations; None: none is
             computed.
         witness: Configuration of the service whose doubt is the second witness of named causes;
             None: no witness is asked.

@@ -17,7 +17,7 @@ def evaluate(
     *,
     configuration: ConfigurationLike = None,
 ) -> Evaluation:
-    """A model as its file has it, and with its curves refitted, beside the plain curve.
+    """A model as written, and with its curves refitted, beside the plain curve.
 
     Args:
         inputs: Recordings, or paths of recordings or of tables.

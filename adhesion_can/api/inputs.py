@@ -15,7 +15,7 @@ from adhesion_can.recordings.tables.sample_table import Table
 RecordingLike = str | Path | Recording
 """Recording, or path of its file."""
 ASSUMED = "assumed to be right"
-"""What stands in front of what looks wrong and was used all the same."""
+"""Prefix of a warning about data that look wrong and were used all the same."""
 _TIME = re.compile(r"(t|time|timestamp|seconds?|zeit)(\b|_|$)", re.IGNORECASE)
 
 

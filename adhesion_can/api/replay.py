@@ -46,7 +46,7 @@ class SetpointTable(dict[str, NDArray[Any]]):
 
 
 def _is_missing(value: float | str) -> bool:
-    """Whether a cell stands for 'not available'."""
+    """Whether a cell means 'not available'."""
     return value == "" or (isinstance(value, float) and isnan(value))
 
 
@@ -66,7 +66,7 @@ def replay(
         configuration: Vehicle, database, roles and settings.
         estimator: Name of the estimator; None for the configured one.
         model: Extended model, whose effects are removed from what is measured.
-        from_s: Begin of the part that is replayed, s after the first frame.
+        from_s: Start of the part that is replayed, s after the first frame.
         to_s: End of that part, s after the first frame; None for the last frame.
 
     Raises:

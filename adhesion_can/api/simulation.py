@@ -150,7 +150,7 @@ def build_run_settings(
         obey: Whether the drive follows the setpoints of a service.
         load_transfer: Whether the axle loads move under effort.
         along_track: Whether each axle meets a change of surface where the leading one met it.
-        plan: Driving plan that a controller follows; the run begins at its speed.
+        plan: Driving plan that a controller follows; the run starts at its speed.
 
     Raises:
         InputError: A name is unknown, or a value is out of range.

@@ -168,7 +168,7 @@ class Block:
         """Rows of all parts in their order.
 
         Args:
-            parts: Blocks to join, at least one; the channels of each begin with those of the one
+            parts: Blocks to join, at least one; the channels of each start with those of the one
                 before.
 
         """

@@ -120,7 +120,8 @@ def load_database(path: Path | None = None, *, lenient: bool = False) -> CanData
 
     Args:
         path: Path of a file of any format that cantools reads; None: the packaged DBC.
-        lenient: Whether messages with a fault are left out of a DBC, and told; else it is refused.
+        lenient: Whether messages with a fault are left out of a DBC, and reported; else it is
+            refused.
 
     Raises:
         DatabaseError: The file is missing or is not a database.

@@ -14,7 +14,7 @@ _NO_STATEMENT = re.compile(rb'"(?:\\"|[^"])*?"|//[^\n]*\n')
 _SELECTORS = re.compile(
     rb"SG_MUL_VAL_(?!\w)\s*[-+]?\d[\d.eE+-]*\s*[A-Za-z_]\w*\s+\w+(?P<ranges>[^;]*)", re.ASCII
 )
-"""`SG_MUL_VAL_ 256 Signal Selector 1-3, 5-5;`: the bare keyword stands in the list NS_ as well."""
+"""`SG_MUL_VAL_ 256 Signal Selector 1-3, 5-5;`: the bare keyword is in the list NS_ as well."""
 _NUMBER = re.compile(rb"[-+]?\d+")
 _LONGEST_NUMBER = 30
 """Most digits of a number whose value is looked at."""

@@ -2,7 +2,7 @@
 
 A database names a message with one source address; on the bus the same parameter group may come
 from another one, with another priority. Groups whose PDU format is below 240 go to a destination,
-whose address stands in the identifier as well (SAE J1939-21).
+whose address is also in the identifier (SAE J1939-21).
 """
 
 from collections import Counter
@@ -111,11 +111,11 @@ class Senders:
         return bool(self._named)
 
     def find(self, frame_id: int) -> int | None:
-        """The database's identifier of a group, whoever sends it; None where there is none."""
+        """The database's identifier of a group, from any sender; None where there is none."""
         return self._named.get(parameter_group(frame_id))
 
     def covers(self, frame_id: int) -> bool:
-        """Whether a message is known by its group, whoever sends it."""
+        """Whether a message is known by its group, from any sender."""
         return self.find(frame_id) == frame_id
 
     def translate(self, frame_id: int) -> int:

@@ -1,4 +1,4 @@
-"""A DBC file message by message: those with a fault are told and left out."""
+"""A DBC file message by message: those with a fault are reported and left out."""
 
 import re
 

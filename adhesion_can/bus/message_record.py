@@ -33,7 +33,7 @@ class MessageRecord:
         first_us: Time stamp of the first accepted frame, µs; None before it.
         last_us: Time stamp of the last accepted frame, µs; None before the first.
         longest_gap_us: Longest time between two accepted frames, µs.
-        gap_at_us: Time stamp at which the longest gap begins, µs; None without a gap.
+        gap_at_us: Time stamp at which the longest gap starts, µs; None without a gap.
         late: Number of gaps of more than three cycles.
         not_available: Number of readings with the raw value for 'not available'.
         readings: Number of readings of all signals.

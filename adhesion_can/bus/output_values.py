@@ -1,4 +1,4 @@
-"""Values of the service's messages for who receives them, by the names of their signals."""
+"""Values of the service's messages for their receivers, by the names of their signals."""
 
 from adhesion_can.bus.checked_message import SignalValues
 from adhesion_can.physics.objection import Objection

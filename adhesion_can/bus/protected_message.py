@@ -11,10 +11,10 @@ from adhesion_can.bus.frame import Frame
 
 
 class ProtectedMessage:
-    """Encoder of one message, whose counter begins at 0.
+    """Encoder of one message, whose counter starts at 0.
 
     Args:
-        message: Message with the signals `Crc` and `Alive` at the begin of its payload.
+        message: Message with the signals `Crc` and `Alive` at the start of its payload.
 
     """
 

@@ -1,4 +1,4 @@
-"""Authenticated frames of CAN FD, in the manner of AUTOSAR SecOC with AES-CMAC.
+"""Authenticated frames of CAN FD, based on AUTOSAR SecOC with AES-CMAC.
 
 A secured frame carries payload, freshness value (8 bytes) and authenticator (8 bytes), all
 big-endian. The authenticator is the first half of AES-CMAC (RFC 4493) over the data id, the payload

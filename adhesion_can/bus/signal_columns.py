@@ -274,7 +274,7 @@ def _obstacle(signal: Signal, size: int) -> str | None:
 
 
 def _namesake(signal: Signal, message: Message) -> str | None:
-    """Why a name does not tell which signal it is: another one of it in the same frames."""
+    """Why a name does not show which signal it is: another one of it in the same frames."""
     for other in message.signals:
         if other is not signal and other.name == signal.name and _meet(signal, other):
             return "another signal in the same frames has this name"
@@ -282,7 +282,7 @@ def _namesake(signal: Signal, message: Message) -> str | None:
 
 
 def _meet(one: Signal, other: Signal) -> bool:
-    """Whether two signals can be in one frame, as far as one selector tells."""
+    """Whether two signals can be in one frame, as far as one selector shows."""
     if one.multiplexer_signal is None or other.multiplexer_signal is None:
         return True
     same = one.multiplexer_signal == other.multiplexer_signal

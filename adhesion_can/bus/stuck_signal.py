@@ -108,7 +108,7 @@ class StuckSignalCheck:
         return min(run, self.limit) if self.limit else run
 
     def accept_all(self, values: Array) -> NDArray[np.bool_]:
-        """Whether the signal is stuck with each reading, as `accept` tells one after another.
+        """Whether the signal is stuck with each reading, as `accept` reports one after another.
 
         Args:
             values: Readings, SI, finite, shape (n,).

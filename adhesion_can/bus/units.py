@@ -60,7 +60,7 @@ _KNOWN_AS = {_plain(one): unit for unit, others in _SPELLINGS.items() for one in
 
 
 def find_factor(units: Mapping[str, float], unit: str) -> float | None:
-    """Factor to SI of a unit as somebody spells it; None where it is none of these.
+    """Factor to SI of a unit as somebody spells it; None where it is unknown.
 
     Args:
         units: Factor to SI by unit, as in `UNITS`.

@@ -1,4 +1,4 @@
-"""`evaluate`: a model on recordings or tables, as its file has it and with its curve refitted."""
+"""`evaluate`: a model on recordings or tables, as written and with its curve refitted."""
 
 import argparse
 from dataclasses import replace

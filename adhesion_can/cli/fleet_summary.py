@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from adhesion_can.fleet.work import Outcome
 
 FIRST = 5
-"""Failed units, and names of one recording, that are told; the data set has all of them."""
+"""Failed units, and names of one recording, that are reported; the data set has all of them."""
 
 
 @dataclass(slots=True)
@@ -29,7 +29,7 @@ class Summary:
         failed: Outcomes of the failed units, in the order in which they came.
         vehicles: Number of units by vehicle.
         contents: Paths of the units by the hash of their content.
-        began_s: Begin of the run on the monotonic clock, s.
+        began_s: Start of the run on the monotonic clock, s.
 
     """
 

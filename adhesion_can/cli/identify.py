@@ -40,7 +40,7 @@ from adhesion_can.reporting.text import console, table
 from adhesion_can.result_text import plus_minus
 
 WORTH_TELLING = 0.02
-"""Deviation from 1 from which a mean factor of the adhesion is told."""
+"""Deviation from 1 from which a mean factor of the adhesion is reported."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -95,7 +95,7 @@ class MonitorApp(App[None]):
         yield Input()
 
     def on_mount(self) -> None:
-        """Begin to draw."""
+        """Start to draw."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGHUP):
             # By itself an exception would end the loop, and leave the terminal as it is.
@@ -128,7 +128,7 @@ class MonitorApp(App[None]):
         self.turn()
 
     def action_record(self) -> None:
-        """Begin or end a recording."""
+        """Start or end a recording."""
         self._guarded(self.session.toggle_recording)
 
     def action_page(self, name: str) -> None:

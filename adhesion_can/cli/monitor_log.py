@@ -37,7 +37,7 @@ class Extent:
         first_us: First stamp, µs.
         last_us: Latest stamp, µs.
         has_service: Whether it holds setpoints of a service.
-        restart_s: Hole beyond which the service starts anew, s.
+        restart_s: Hole beyond which the service starts again, s.
 
     """
 
@@ -85,7 +85,7 @@ class LogSource:
         paths: Paths of the recordings, in the order of their times.
         extent: What is known of them.
         make_core: Maker of a service that runs here; None: the recorded one is shown.
-        from_s: Begin, s after the first frame.
+        from_s: Start, s after the first frame.
         speed: Speed, multiple of their own; inf: as fast as it goes.
         clock: Monotonic clock, s.
 
@@ -208,7 +208,7 @@ class LogSource:
         self._frames = iter(())
 
     def _open(self, from_s: float) -> None:
-        """Begin before a time, s after the first frame, so that all is known when it is reached."""
+        """Start before a time, s after the first frame, so that all is known when it is reached."""
         self._begin_us = begin_us = self._extent.first_us + round(from_s * 1e6)
         lead_s = WARM_UP_S if self._make_core is None else LEARNING_S
         first_us = begin_us - round(lead_s * 1e6)

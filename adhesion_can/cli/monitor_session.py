@@ -121,7 +121,7 @@ class MonitorSession:
             self.log.faster(factor)
 
     def toggle_recording(self, path: Path | None = None) -> None:
-        """Begin to record what comes, or end it.
+        """Start to record what comes, or end it.
 
         Args:
             path: Path of the file; None: one named by date and time in the present folder.

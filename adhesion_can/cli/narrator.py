@@ -23,16 +23,16 @@ _LEVELS = {Status.FAULT: logging.ERROR, Status.STALE_INPUT: logging.WARNING}
 
 
 class Narrator:
-    """Tells what happens: each change of status or doubt, and at a terminal once a second.
+    """Reports what happens: each change of status or doubt, and at a terminal once a second.
 
-    Lines beyond the rate are left out and their number told with the next one. A new status or
-    doubt waits instead: the latest one is told as soon as there is room.
+    Lines beyond the rate are left out and their number reported with the next one. A new status or
+    doubt waits instead: the latest one is reported as soon as there is room.
 
     Args:
         file: Stream to write to.
         form: 'text', or 'json' for one JSON object a line.
         clock: Monotonic clock, s.
-        is_taken: Function that tells whether the stream takes another line; where it does not,
+        is_taken: Function that returns whether the stream takes another line; where it does not,
             lines are left out as beyond the rate.
 
     """
@@ -69,15 +69,15 @@ class Narrator:
         self._objection = Objection.NONE
 
     def print(self, line: str) -> None:
-        """Tell what was done."""
+        """Report what was done."""
         self._write(logging.INFO, line)
 
     def warn(self, line: str) -> None:
-        """Tell what somebody should look at."""
+        """Report what somebody should look at."""
         self._write(logging.WARNING, line)
 
     def print_setpoint(self, t_us: int, outputs: Outputs) -> None:
-        """Tell a new status, objection or doubt at a due time, µs."""
+        """Report a new status, objection or doubt at a due time, µs."""
         self._print_status(t_us, outputs)
         self._print_objection(t_us, outputs.objection)
         self._print_doubt(t_us, outputs.doubt)

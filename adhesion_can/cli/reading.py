@@ -14,7 +14,7 @@ Watched = Callable[[Iterable[Block]], Iterator[Block]]
 """Function that passes blocks on, and shows the progress."""
 
 FIRST_ROWS = 5000
-"""Rows of the first part of a block, whose time tells how many go into the next one."""
+"""Rows of the first part of a block, whose time shows how many go into the next one."""
 PART_S = 0.2
 """Time that the work on a part of a block may take, s, so that the bar moves."""
 

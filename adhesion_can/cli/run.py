@@ -212,7 +212,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
 
 
 def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: bool) -> None:
-    """Have signals end the service with its last frames, or begin another log."""
+    """Have signals end the service with its last frames, or start another log."""
 
     def stop(_: int, __: FrameType | None) -> None:
         service.stop()
@@ -258,7 +258,7 @@ def _look_around(manager: ServiceManager, silence: SilenceWatch, service: LiveSe
 def _resumed(config: Configuration, state: KeptState) -> Configuration:
     """Configuration that knows the surfaces of a state; nothing is sent of them before new data.
 
-    For the tracker they are surfaces that may come again; a search begins at the latest one.
+    For the tracker they are surfaces that may come again; a search starts at the latest one.
     """
     if not state.curves:
         return config

@@ -11,7 +11,7 @@ UNNAMED = ("unknown", "closed")
 
 
 class SilenceWatch:
-    """Tells once that what is waited for has not come.
+    """Reports once that what is waited for has not come.
 
     Args:
         sentence: What is said.

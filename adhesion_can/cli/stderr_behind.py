@@ -1,4 +1,4 @@
-"""stderr of the service, behind its loop: whoever reads it, and stops, holds no setpoint up."""
+"""stderr of the service, behind its loop: a reader that stops delays no setpoint up."""
 
 import io
 import sys

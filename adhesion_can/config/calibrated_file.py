@@ -28,8 +28,8 @@ class Correction:
     Attributes:
         radius_ratio: New over configured radius by axle, of the estimated radii.
         offset: Zero error of the vehicle speed as configured so far, m/s; None: not identifiable.
-        speed_error_std: Standard error of the wheels' radii against the vehicle speed, 1, which is
-            what the scale of the slip may still be wrong by; None: it is not known.
+        speed_error_std: Standard error of the wheels' radii against the vehicle speed, 1, the share
+        by which the scale of the slip may still be wrong by; None: it is not known.
         radii_remark: Remark behind `wheel_radius_m`.
         factor_remark: Remark behind the role of a wheel speed given at the rim, by axle.
         offset_remark: Remark behind the role of the vehicle speed.

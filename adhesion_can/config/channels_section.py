@@ -20,7 +20,7 @@ class UserChannels(NamedTuple):
 
     Attributes:
         channels: Names with units and labels.
-        choices: Signals; the number of a channel, from 1, stands in place of an axle's.
+        choices: Signals; the number of a channel, from 1, takes the place of an axle's.
 
     """
 

@@ -66,7 +66,7 @@ class ServiceSettings:
             more frame losses, and keeps an old setpoint on the bus for longer.
         change_s: Longest time for which the status SURFACE_CHANGE is shown after a change, s.
         estimate_s: Age of the latest sample beyond which the status is LOW_EXCITATION, s.
-        restart_s: Gap between two stamps beyond which the service starts anew, s.
+        restart_s: Gap between two stamps beyond which the service starts again, s.
         state_interval_s: Interval at which `run --state` writes what was learned, s.
         state_age_s: Age of a kept surface beyond which it is not used, s.
 

@@ -22,7 +22,7 @@ _SIGN_OF_EFFORT = "positive in traction along the direction of travel; otherwise
 
 @dataclass(frozen=True)
 class InitialConfiguration:
-    """What stands in a new configuration file.
+    """Content of a new configuration file.
 
     Attributes:
         database: Database of the messages.

@@ -1,4 +1,4 @@
-"""Section `[table]` of the configuration file: which column of a table is what."""
+"""Section `[table]` of the configuration file: the columns of a table by their meaning."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -34,7 +34,7 @@ def load_table_section(value: object, where: str) -> tuple[tuple[ColumnChoice, .
     """Columns from the section `[table]`, and whether data that look wrong are used.
 
     Args:
-        value: TOML table: a known name and the heading that stands for it, or a table of heading,
+        value: TOML table: a known name and the heading that means it, or a table of heading,
             unit, sign and delay; and `assume = "plausible"`.
         where: File, for errors.
 

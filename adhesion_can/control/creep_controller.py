@@ -30,7 +30,7 @@ CONVERGED = 0.25
 FOUND_SHARE = 0.85
 """Slip that the search finds over that of the peak, about."""
 SHORT_STEP = 0.3
-"""Largest step of a search that begins near the peak, logarithm."""
+"""Largest step of a search that starts near the peak, logarithm."""
 OTHER_CURVE = 0.2
 """Logarithm of the ratio of two peaks' slips from which they are of different curves."""
 SLOW_ELASTICITY = 0.25
@@ -42,7 +42,7 @@ SPINNING, SPIN_CREEP = 3.0, 0.05
 
 
 class Mode(Enum):
-    """What the controller goes by; the value is what to tell of it."""
+    """What the controller goes by; the value is the text about it."""
 
     SLOW = "the train hardly moves: holding a small slip"
     SEARCH = "searching for the peak with pairs of axles"
@@ -177,7 +177,7 @@ class CreepController:
         return time_s < until_s and bool(abs(np.log(curve.lambda_m / slip)) < OTHER_CURVE)
 
     def _rise(self, time_s: float) -> Array:
-        """Slips on the way to that at which the search begins."""
+        """Slips on the way to that at which the search starts."""
         s = self._settings
         self._slow_slip = min(self._slow_slip + s.first_rate * s.loop.cycle_s, s.first_slip)
         if self._slow_slip >= s.first_slip:
@@ -200,6 +200,6 @@ class CreepController:
         return self._loop.step(self.slip * scale, creep, SLOW_ELASTICITY)
 
     def _begin_slow(self) -> None:
-        """Begin from rest."""
+        """Start from rest."""
         self.mode = Mode.SLOW
         self._slow_slip, self._slow_top = 0.0, self._settings.slow_slip

@@ -14,7 +14,7 @@ from adhesion_can.control.settings import LoopSettings
 CREEP_MIN = 1e-3
 """Smallest creep speed in the stiffness, m/s."""
 EFFORT_MIN = 5e3
-"""Smallest effort in the stiffness, N, so that a train at rest begins to pull."""
+"""Smallest effort in the stiffness, N, so that a train at rest starts to pull."""
 CHANGE_MAX = 0.5
 """Largest logarithm of a setpoint's change that is fed forward at once."""
 

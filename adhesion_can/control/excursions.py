@@ -1,9 +1,9 @@
 """Excursions: one axle at a time leaves the held slip, so that the curve stays known.
 
 A drive that holds one slip learns one point of the curve (dual control; Feldbaum, Autom. Remote
-Control 21, 1960). Near the peak an excursion of relative size d costs force with d² and tells the
+Control 21, 1960). Near the peak an excursion of relative size d costs force with d² and shows the
 place of the peak with d⁴: few large ones of one axle cost less than small ones of all. The lower
-plateau tells the rise of the curve, the upper one, beyond the peak, its fall.
+plateau shows the rise of the curve, the upper one, beyond the peak, its fall.
 
 Both plateaus are also held against the curve: adhesion of the axle on one less that on the other,
 less the same of the axles that hold their slip meanwhile, which takes out what the rail does.
@@ -22,7 +22,7 @@ from adhesion_can.physics.burckhardt import peak
 CORNERS = (0.0, 0.1, 0.3, 0.4, 0.9, 1.0)
 """Corners of an excursion, shares of its duration: down, lower plateau, up, upper plateau, back."""
 MEASURED = (0.17, 0.3, 0.5, 0.9)
-"""Begin and end of what counts of the lower and of the upper plateau, likewise."""
+"""Start and end of what counts of the lower and of the upper plateau, likewise."""
 LEAST_STEPS = 5
 """Least number of steps of a plateau that counts."""
 SIGNIFICANCE = 4.0
@@ -48,7 +48,7 @@ class Excursions:
         self.begin(0.0)
 
     def begin(self, time_s: float) -> None:
-        """Begin anew; the turn of the axles goes on."""
+        """Start again; the turn of the axles goes on."""
         self._next_s = time_s + self._settings.duration_s / 4
         self._since_s: float | None = None
         self._contradictions = 0

@@ -63,7 +63,7 @@ class ControllerOnBus:
     Args:
         configuration: Database, roles and vehicle.
         controller: Controller that makes the demands; None: the reference controller.
-        sand: Function that tells whether sand is demanded; None: it never is.
+        sand: Function that returns whether sand is demanded; None: it never is.
 
     Raises:
         ConfigError: A wheel speed or the vehicle speed has no role, its cycle is unknown, or the

@@ -1,7 +1,7 @@
 """Search of the peak without any model: pairs of axles at two slips at once.
 
 Of two neighbours one has a larger, one a smaller slip; after a dwell they change places. Their
-adhesions at the same time tell the elasticity d ln μ/d ln λ, whatever the rail does meanwhile, and
+adhesions at the same time show the elasticity d ln μ/d ln λ, whatever the rail does meanwhile, and
 what makes the two axles differ cancels over two dwells. The median over the pairs bears an axle
 whose rail is another one. A steepest-ascent search in the logarithm of the slip follows.
 """
@@ -14,7 +14,7 @@ from adhesion_can.control.mean_adhesion import MeanAdhesion
 from adhesion_can.control.settings import SearchSettings
 
 LEAST_DISTANCE = 0.1
-"""Distance of a pair's slips in a dwell, logarithm, that tells an elasticity."""
+"""Distance of a pair's slips in a dwell, logarithm, that shows an elasticity."""
 SMALL, LARGE = 0.3, 0.6
 """Logarithms of wanted changes of the slip: the largest step shrinks below the one and grows above
 the other."""
@@ -41,11 +41,11 @@ class PairedGradientSearch:
         self.begin(0.0, settings.slip_min, settings.step_max)
 
     def begin(self, time_s: float, slip: float, step_max: float) -> None:
-        """Begin anew.
+        """Start again.
 
         Args:
             time_s: Time, s.
-            slip: Mean slip ratio to begin at.
+            slip: Mean slip ratio to start at.
             step_max: Largest step for now, logarithm.
 
         """

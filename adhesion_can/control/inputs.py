@@ -42,7 +42,7 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """Latest contents of the service's messages; None stands for 'not available'.
+    """Latest contents of the service's messages; None means 'not available'.
 
     Attributes:
         status: Status of the service.

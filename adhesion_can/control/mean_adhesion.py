@@ -22,10 +22,10 @@ class MeanAdhesion:
         self.restart()
 
     def restart(self, before: Measurement | None = None) -> None:
-        """Begin a new span.
+        """Start a new span.
 
         Args:
-            before: Step before the first one of the span, at which its inertial part begins; None:
+            before: Step before the first one of the span, at which its inertial part starts; None:
                 the first one.
 
         """

@@ -1,6 +1,6 @@
 """A controller that drives a plan: each axle gets the slip that the plan's step states.
 
-    APPROACH  the train is brought to the speed at which the plan begins
+    APPROACH  the train is brought to the speed at which the plan starts
     STEP n    the slips of a step are held by the creep speed control, in traction or in braking
     OVER      no effort is demanded any more
 
@@ -21,9 +21,9 @@ from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
 from adhesion_can.physics.vehicle import Locomotive
 
 APPROACH = PlanStep(1.0, "traction", (0.01, 0.01)), PlanStep(1.0, "braking", (0.01, 0.01))
-"""Steps by which the speed of the plan's begin is approached from below and from above."""
+"""Steps by which the speed of the plan's start is approached from below and from above."""
 NEAR_MPS = 0.5
-"""Difference from the speed of the plan's begin at which it begins, m/s."""
+"""Difference from the speed of the plan's start at which it starts, m/s."""
 RUN_AWAY = 1.25
 """Slip over the plan's largest one from which an axle is released."""
 SLIP_RATE = 0.3
@@ -107,7 +107,7 @@ class PlanFollower:
         return self._hold(*now, speed, measured.rim_speed - speed)
 
     def _find_step(self, time_s: float, speed: float) -> tuple[PlanStep, float] | None:
-        """Step to drive now and the time since its begin, s; None where nothing is to be driven."""
+        """Step to drive now and the time since its start, s; None where nothing is to be driven."""
         if self._began_s is None:
             short = self.plan.start_speed - speed
             if abs(short) > NEAR_MPS:
@@ -120,7 +120,7 @@ class PlanFollower:
         return None if place is None else (self.plan.steps[place[0]], place[1])
 
     def _slow_down(self, step: PlanStep) -> tuple[PlanStep, float] | None:
-        """Braking to the plan's begin; None where the limits exclude it: the train coasts."""
+        """Braking to the plan's start; None where the limits exclude it: the train coasts."""
         return (step, 0.0) if self.plan.limits.braking else None
 
     def _is_at_end_of_speeds(self, step: PlanStep, speed: float) -> bool:

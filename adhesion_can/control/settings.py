@@ -129,7 +129,7 @@ class ControlSettings:
         agreement: Largest logarithm of the ratio of the service's slip to the one that the search
             found, up to which the service's is held.
         distrust_s: Time for which a curve that excursions contradicted is not held again, s.
-        first_slip: Slip ratio at which the search begins.
+        first_slip: Slip ratio at which the search starts.
         first_rate: Rate at which the slip rises to it, 1/s.
         slow_speed: Vehicle speed below which a small slip is held and nothing is searched, m/s:
             speeds are too inexact there.

@@ -1,7 +1,7 @@
 """Creep speeds that swing about their setpoints: one slip for all, less bandwidth, a slow climb.
 
 A loop with more dead time than it was laid out for swings, most of all where slips change quickly
-and beyond the peak: wheel speeds that come late, a slow drive. Then pairs at two slips tell no
+and beyond the peak: wheel speeds that come late, a slow drive. Then pairs at two slips show no
 slope. What helps is one steady slip, where the contact itself damps, and less bandwidth. The slip
 climbs slowly by perturb and observe: over a second a late signal hardly counts. It looks for the
 largest mean adhesion times 1 - λ, the part that moves the train, and so stays before the peak.

@@ -145,7 +145,7 @@ class EnvironmentSizes:
         partition: Quantity by which the rows are divided.
         unit: Unit of the values.
         size: Value that holds for all rows, in `unit`.
-        levels: Value in each environment that tells something about it.
+        levels: Value in each environment that shows something about it.
         p_value: P-value of the differences, all partitions counted.
         spread: Standard deviation between environments, relative to the value for all rows.
         refutes: Whether the sizes differ for certain and by much.
@@ -199,7 +199,7 @@ class NoiseResult:
 
     Attributes:
         floor: RMSE of the adhesion that no model goes below.
-        sensors: RMS of the adhesion's noise by the sensors; None where the readings do not tell it.
+        sensors: RMS of the adhesion's noise by the sensors; None where the readings do not show it.
         ratio: `floor` over `sensors`; None where that is not known.
         exceeds: Whether the floor is above what the sensors explain for certain.
         leaves_more: Whether the error that the selected model leaves is above it for certain.

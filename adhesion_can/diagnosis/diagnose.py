@@ -108,7 +108,7 @@ class DiagnosisSettings:
         formulas: Formulas of the user's, tested as effects are.
         effect_grams: Whether the Gram matrices of the effects are wanted, for a diagnosis of many
             drives.
-        limits: Limits of the drive that would tell the remaining explanations apart; None: none is
+        limits: Limits of the drive that would distinguish the remaining explanations; None: none is
             computed.
         explanations: Whether the explanations that are left are wanted.
 
@@ -211,7 +211,7 @@ def _with_next_drive(
     settings: DiagnosisSettings,
     show: ShowProgress,
 ) -> Diagnosis:
-    """The diagnosis with its explanations, and the drive that would tell them apart, if asked."""
+    """The diagnosis with its explanations, and the drive that would distinguish them, if asked."""
     if not settings.explanations and settings.limits is None:
         return diagnosis
     show("next drive", 0.95)
@@ -356,7 +356,7 @@ class _Analysis:
 
         Args:
             change_times: Times of the surface changes in each drive, s.
-            curves: Curves to begin with; None: Burckhardt's.
+            curves: Curves to start with; None: Burckhardt's.
             most_effects: Largest number of effects that are selected.
 
         """

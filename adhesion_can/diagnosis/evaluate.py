@@ -1,8 +1,8 @@
-"""An extended model on recordings or tables: as its file has it, and with its curves refitted.
+"""An extended model on recordings or tables: as written, and with its curves refitted.
 
-Both stand beside Burckhardt's curve fitted to the same rows, which is what a user has without a
-model. Rows, surfaces, weights and filter are those of a diagnosis, so that its gain on drives that
-were held out is the same figure.
+Both stand beside Burckhardt's curve fitted to the same rows, the answer without a model. Rows,
+surfaces, weights and filter are those of a diagnosis, so that its gain on drives that were held out
+is the same figure.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class ModelResiduals:
 
     Attributes:
         plain: Burckhardt's curves, fitted to these rows.
-        as_written: The model as its file has it.
+        as_written: The model as written.
         refitted: The model with its curves fitted to these rows.
         unit: Number of the span that is one unit of an interval.
         used: Whether the row counts: it is not close to a change of the surface.
@@ -68,11 +68,11 @@ class PartEvaluation:
 
     Attributes:
         recording: Name of the recording; '' for all together.
-        from_s: Begin, s on the recording's clock.
+        from_s: Start, s on the recording's clock.
         to_s: End, s on the recording's clock.
         samples: Number of rows.
         plain: RMSE of the plain curve.
-        as_written: The model as its file has it.
+        as_written: The model as written.
         refitted: The model with its curves refitted.
 
     """

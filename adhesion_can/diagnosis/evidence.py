@@ -132,7 +132,7 @@ class ChannelEvidence:
 
     @property
     def is_sure(self) -> bool:
-        """Whether the residual goes with the channel for certain."""
+        """Whether the residual depends on the channel for certain."""
         return _is_sure(self.p_value, self.gain_percent)
 
 

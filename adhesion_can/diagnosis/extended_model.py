@@ -35,7 +35,8 @@ from adhesion_can.physics.samples import Samples
 
 REFERENCE_EXPONENT = 5.5
 """c2·λ_m of the Burckhardt curve to which a curve of another family is related: with 3 its fall is
-not to be told from the factor's, with 7 its rise is too steep for the errors of the slips."""
+not to be distinguished from the factor's, with 7 its rise is too steep for the errors of the
+slips."""
 LEAST_ROWS, MOST_ROWS = 10, 20_000
 """Rows without which a segment gets no curve, and to which it is thinned."""
 LEAST_FACTOR = 0.05
@@ -63,7 +64,7 @@ def build_spline(residual_channel: ResidualChannel) -> Empirical | None:
 
 
 def refit_with_spline(prepared: PreparedRegression, model: Model, spline: Empirical) -> Model:
-    """The model of the curves fitted anew, with a given spline."""
+    """The model of the curves fitted again, with a given spline."""
     curves = Model(model.curves, fixed=(ActiveEffect(spline, ()),))
     return fit_model(prepared.regression.last_fit, curves).model
 

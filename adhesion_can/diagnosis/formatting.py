@@ -39,7 +39,7 @@ def rival_title(effect: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it stands behind a number; empty for a pure number."""
+    """A unit as written after a number; empty for a pure number."""
     return (
         "" if unit == "1" else unit.replace("degC", "°C").replace("^2", "²").replace("kg m", "kg·m")
     )
@@ -92,7 +92,7 @@ def short(value: float, digits: int = 3) -> str:
 
 
 def short_apart(low: float, high: float) -> tuple[str, str]:
-    """Both in three digits, or in as many as tell them apart."""
+    """Both in three digits, or in as many as distinguish them."""
     texts = [(short(low, digits), short(high, digits)) for digits in range(3, 17)]
     return next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
 

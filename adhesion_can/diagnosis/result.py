@@ -116,8 +116,8 @@ class Gain:
         percent: Gain 100 (1 − after/before), %.
         interval: 95 % confidence interval of the gain, %.
         units: Description of the data that were held out, a clause.
-        spans: Recording, begin and end of each held-out span, s on the recording's clock.
-        as_written: The model as its file has it, where whole recordings were held out; there
+        spans: Recording, start and end of each held-out span, s on the recording's clock.
+        as_written: The model as written, where whole recordings were held out; there
             `rmse_after` is that with the curve refitted. None elsewhere.
         method: How gain and interval were computed.
         whole: Whether whole recordings were held out.
@@ -219,7 +219,7 @@ class SegmentResult:
 
     Attributes:
         recording: Name of the recording.
-        from_s: Begin, s on the recording's clock.
+        from_s: Start, s on the recording's clock.
         to_s: End, s on the recording's clock.
         base: Estimate of the plain curve.
         extended: Estimate of the extended model's base curve.
@@ -234,7 +234,7 @@ class SegmentResult:
 
     @property
     def span(self) -> dict[str, Any]:
-        """Recording, begin and end, as fields of `diagnosis.json`."""
+        """Recording, start and end, as fields of `diagnosis.json`."""
         return {"recording": self.recording, "from_s": self.from_s, "to_s": self.to_s}
 
 
@@ -268,7 +268,7 @@ class Diagnosis:
         environments: Sizes of the named effects by environment, of each effect the partition with
             the largest spread first; those of the refuted ones where they refute.
         noise: Noise floor beside the sensors' noise; None where the data allow no verdict at all.
-        next_drive: Drive that would tell the remaining explanations apart; None where it was not
+        next_drive: Drive that would distinguish the remaining explanations; None where it was not
             asked for, or the data allow no verdict at all.
         explanations: Explanations that the data leave; () where they were not asked for.
         remaining: What a short drive leaves of the explanations of the long ones; None where there

@@ -1,8 +1,8 @@
 """The paper's modified differential evolution, eq. 16 and 17, in matrix form.
 
 He et al. change two things in ordinary differential evolution (Storn & Price 1997): the first
-population stands around the last estimate (eq. 16), and the variation factor follows the
-innovation (eq. 17). What the paper leaves open is a field of `EvolutionSettings`.
+population is around the last estimate (eq. 16), and the variation factor follows the innovation
+(eq. 17). What the paper leaves open is a field of `EvolutionSettings`.
 
 R. Storn, K. Price, "Differential evolution", Journal of Global Optimization 11, 1997.
 """
@@ -198,7 +198,7 @@ def _trace(
     settings: EvolutionSettings,
     advance: Callable[[int, Array, np.random.Generator], Search],
 ) -> Array:
-    """Estimates θ̂(1..count), each from a search that begins at the one before; shape (count, 3).
+    """Estimates θ̂(1..count), each from a search that starts at the one before; shape (count, 3).
 
     Args:
         count: Number of searches.

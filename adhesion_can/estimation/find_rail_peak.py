@@ -3,7 +3,7 @@
 Burckhardt's curve has one bend, and where a rail bends otherwise its peak is wrong by far more than
 its standard deviation says. So the families are compared on the same samples: where the samples
 state errors of their slips, by binned samples with those errors removed (`families.comparison`),
-else by held-out score (`curve_comparison`). Burckhardt's answer stands as it is where the data do
+else by held-out score (`curve_comparison`). Burckhardt's answer remains where the data do
 not contradict it. Else the peak is the pooled one of the families that the data cannot separate,
 with what the best of them leaves of the samples, and with the errors common to all samples.
 """

@@ -189,7 +189,7 @@ def steady_updates(experiment: Experiment) -> Array:
 
 
 def _updates_needed(values: Array, outcome: NoiseLevelResult) -> Array:
-    """Number of updates until each value is found and stays so, from the begin of each surface.
+    """Number of updates until each value is found and stays so, from the start of each surface.
 
     Args:
         values: `QUANTITIES` after each update, shape (runs, updates, 5).

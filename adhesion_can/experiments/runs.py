@@ -66,10 +66,10 @@ class Experiment:
         slip_max: Largest slip ratio; slips are uniform in 0..slip_max, or rise to it.
         ramp: Whether the slip rises through the run; estimators then get single samples, else
             blocks.
-        theta0: Parameters (c1, c2, c3) at which estimators with a start begin; None: anywhere.
+        theta0: Parameters (c1, c2, c3) at which estimators with a start start; None: anywhere.
         noise_stds: Standard deviations of the adhesion noise, one experiment each, 1.
         detail: Number of samples per update in the fine-grained run over a switch.
-        detail_before: Number of blocks before the switch at which the fine-grained run begins.
+        detail_before: Number of blocks before the switch at which the fine-grained run starts.
         detail_after: Number of blocks after the switch at which the fine-grained run ends.
         detail_runs: Number of runs, from the first, that have fine-grained runs.
 
@@ -130,7 +130,7 @@ class ExperimentData:
     Attributes:
         samples: Samples in the order of their stamps, `RATE_HZ` per second.
         block: Number of samples of a block.
-        theta0: Parameters (c1, c2, c3) at which estimators with a start begin, right or wrong;
+        theta0: Parameters (c1, c2, c3) at which estimators with a start start, right or wrong;
             None: anywhere.
         changes_us: Stamps of the first sample on each new surface, µs.
         seed: Seed for estimators that draw random numbers.
@@ -360,7 +360,7 @@ def _samples_needed(
 ) -> float:
     """Samples after a switch until μ_max is within 5 % of the truth and stays there.
 
-    The participant runs anew over the blocks around the switch, in updates of few samples.
+    The participant runs again over the blocks around the switch, in updates of few samples.
     """
     at, size = experiment.switches[switch], experiment.detail
     begin = max(at - experiment.detail_before * experiment.block, 0)
@@ -397,7 +397,7 @@ def updates_until_settled(values: Array, truth: float, share: float) -> float:
 def cramer_rao_bound(experiment: Experiment, noise_std: float, seed: int) -> Array:
     """Cramér-Rao bound of all samples since the last switch, as standard deviations.
 
-    No unbiased estimator that knows the changes has a smaller variance; one that begins near the
+    No unbiased estimator that knows the changes has a smaller variance; one that starts near the
     truth may.
 
     Returns:

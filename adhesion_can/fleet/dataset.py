@@ -24,7 +24,7 @@ from adhesion_can.fleet.schema import TABLES, UNITS
 from adhesion_can.fleet.table_schema import SCHEMA_VERSION, TableSchema
 
 NO_DAY = "__HIVE_DEFAULT_PARTITION__"
-"""Name that stands for null in folders of partitions."""
+"""Name that means null in folders of partitions."""
 READERS = 16
 """Files that are read at the same time: an object store answers after 10 to 100 ms."""
 DONE, FAILED = "done", "failed"

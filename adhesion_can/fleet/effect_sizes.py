@@ -21,7 +21,7 @@ class EffectSizes:
     Attributes:
         grams: Gram matrices of each unit, the known effects taken out of its residual.
         keys: Effects.
-        size: Size of each effect in each unit, NaN where the unit cannot tell it; shape (n, k).
+        size: Size of each effect in each unit, NaN where the unit cannot show it; shape (n, k).
         variance: Variance of each size by the spread over the unit's blocks, shape (n, k).
 
     """

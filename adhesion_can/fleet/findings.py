@@ -41,7 +41,7 @@ class Finding:
         units: Number of units with an estimate.
         showing: Number of them in which the size has the same sign and exceeds two standard errors.
         source: 'regression' or 'coasting'.
-        rivals: Effects that these data cannot tell from this one, by id.
+        rivals: Effects that these data cannot distinguish from this one, by id.
         named_by: Number of units whose own diagnosis names the effect.
 
     """
@@ -90,7 +90,7 @@ class VehicleSummary:
         reasons: Reasons of the failures, each once.
         causes: Number of units whose own diagnosis names an effect, by its id, the most first.
         causes_alone: Effects of `causes` that no finding of the vehicle, or of its kind, names or
-            cannot tell from what it names.
+            cannot distinguish from what it names.
 
     """
 
@@ -153,7 +153,7 @@ class FleetDiagnosis:
         diagnosed: Number of units with Gram matrices.
         false_discovery_rate: Expected share of wrong vehicles among those with a finding.
         alpha: Probability of any wrong finding of the fleet, a line or a day.
-        notes: What the data do not allow to tell, a sentence each.
+        notes: What the data do not allow to show, a sentence each.
         spreads: Spread between units of each effect, in its unit, by its name.
 
     """

@@ -2,9 +2,10 @@
 
 Nobody states a kind; it follows from the data. Units of one kind have the same form: recordings of
 a bus or TABLEs, the same number of axles, and the same vehicle's data but for the wheel radii. Of
-these, vehicles with evidence on the same effects belong together: a TABLE of few columns tells
-other effects than one with weather and loads. A vehicle with a broken sensor lacks some effects of
-its kind and stays in it, so vehicles are joined by the share of effects that they have in common.
+the vehicles of one form, those with evidence on the same effects belong together: a TABLE of few
+columns shows other effects than one with weather and loads. A vehicle with a broken sensor lacks
+some effects of its kind and stays in it, so vehicles are joined by the share of effects that they
+have in common.
 """
 
 from collections import Counter, defaultdict

@@ -1,4 +1,4 @@
-"""The work of a fleet before it begins: what each unit is analysed with."""
+"""The work of a fleet before it starts: what each unit is analysed with."""
 
 import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence

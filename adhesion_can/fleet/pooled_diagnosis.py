@@ -78,7 +78,7 @@ class _OfKind:
     Attributes:
         vehicles: Findings by vehicle.
         shared: Findings of the kind, of lines and of days.
-        notes: What the data do not allow to tell, a sentence each.
+        notes: What the data do not allow to show, a sentence each.
         spreads: Spread between units of each effect, by its name.
 
     """

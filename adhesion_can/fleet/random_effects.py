@@ -1,4 +1,4 @@
-"""Sizes of one effect from many units: means, spread between units, and what stands out of it.
+"""Sizes of one effect from many units: means, spread between units, and outliers.
 
 The model is φ_u = m + δ_u + ε_u with the known variance v_u of ε_u and the variance τ² of δ_u
 between units. A mean over units is DerSimonian and Laird's (Controlled Clinical Trials 7 (1986)

@@ -24,7 +24,7 @@ PLACE = (
         "day of the first frame, UTC; also the name of a folder; none without a clock",
     ),
 )
-"""Columns that begin every table, and by which a row finds its unit."""
+"""Columns that start every table, and by which a row finds its unit."""
 POSITION = (
     Column("latitude_deg", "double", "latitude, WGS 84; none if unknown", "deg"),
     Column("longitude_deg", "double", "longitude, WGS 84; none if unknown", "deg"),
@@ -37,7 +37,8 @@ SIZED_EFFECT = (
     Column("parameter", "string", "name of its first parameter, the size", required=True),
     Column("unit", "string", "unit of the size", required=True),
 )
-"""Effect that a row has a size of: what tells it from the other effects of a unit or fleet."""
+"""Effect that a row has a size of: what distinguishes it from the other effects of a unit or
+fleet."""
 
 
 def status_column(status: Status) -> str:

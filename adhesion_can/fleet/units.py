@@ -34,8 +34,8 @@ class Unit:
     Attributes:
         path: Absolute path or URL.
         vehicle: Name of its vehicle.
-        size: Size of the file, bytes; None where the server does not tell.
-        fingerprint: Size and time of change, or ETag; '' where the server tells none of them.
+        size: Size of the file, bytes; None where the server does not report it.
+        fingerprint: Size and time of change, or ETag; '' where the server shows none of them.
         config: Path of its own configuration file; None: that of the command.
         line: Name of the railway line; None where it is not known.
         latitude_deg: Latitude, °; None where it is not known.

@@ -117,7 +117,7 @@ def hash_unit(content: str, settings: str) -> str:
 
 
 def is_current(task: Task) -> bool:
-    """Whether the data set has the unit as it is, as far as the file's cheap signs tell."""
+    """Whether the data set has the unit as it is, as far as the file's cheap signs show."""
     kept, unit = task.kept, task.unit
     if kept is None or (task.again and kept.status == FAILED):
         return False

@@ -52,7 +52,7 @@ class MessageView:
         rejected: Number of rejected frames by reason.
         lost: Number of frames lost by the counter.
         age_us: Time since the last accepted frame, µs; None before the first.
-        rate: Accepted frames per second of late, 1/s; None where it is too early to tell.
+        rate: Accepted frames per second of late, 1/s; None where it is too early to know.
         recent_faults: Number of frames rejected or lost in the last ten seconds.
         state: How the message comes.
 
@@ -79,7 +79,7 @@ class MessageView:
 
 @dataclass(frozen=True, slots=True)
 class AxleView:
-    """One axle: what is measured and what the service wants; None stands for 'not available'.
+    """One axle: what is measured and what the service wants; None means 'not available'.
 
     Attributes:
         axle: Number of the axle, from 1.
@@ -123,7 +123,7 @@ class OperatingPoint(NamedTuple):
 
 
 class HistoryPoint(NamedTuple):
-    """Setpoint at a time; None stands for 'not available', inf for a deviation that is not known.
+    """Setpoint at a time; None means 'not available', inf for a deviation that is not known.
 
     Attributes:
         t_us: Stamp, µs.
@@ -145,7 +145,7 @@ class HistoryPoint(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ServiceView:
-    """Latest contents of the service's messages; None stands for 'not available'.
+    """Latest contents of the service's messages; None means 'not available'.
 
     Attributes:
         t_us: Stamp of the latest `AdhesionSetpoint`, µs.

@@ -189,8 +189,8 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
 
     Args:
         result: Result to which the sentences are added.
-        hole: Longest time without any frame, told once and not message by message; None: there is
-            none beyond which the service starts anew, but between stretches.
+        hole: Longest time without any frame, reported once and not message by message; None: there
+            is none beyond which the service starts again, but between stretches.
         holes: Number of such times, and of those between stretches: a gap of each message.
 
     """
@@ -356,7 +356,7 @@ def _watch(
 def describe_excitation(
     samples: Samples, fitted: BatchResult, findings: list[str], limits: list[str]
 ) -> None:
-    """Add sentences about the slips that were driven and the peaks that they tell.
+    """Add sentences about the slips that were driven and the peaks that they show.
 
     Args:
         samples: Samples, at least one.

@@ -20,7 +20,7 @@ LEAST_ROWS = 60
 MOST_SHIFT = 60
 """Greatest shift that is tried, rows; a tenth of the rows at most."""
 LEAST_SHIFT = 2
-"""Least shift that is told, rows: half a row more or less is the instants of sampling."""
+"""Least shift that is reported, rows: half a row more or less is the instants of sampling."""
 LEAST_CORRELATION = 0.7
 """Correlation of force and slip, at the best shift, below which nothing is said."""
 LONGEST_S = 0.5

@@ -59,7 +59,7 @@ class SampleExtractor:
         self.hole = Hole(0, 0)
         """Longest time without any frame."""
         self.holes = 0
-        """Number of times without any frame beyond which the service starts anew."""
+        """Number of times without any frame beyond which the service starts again."""
         self._restart_us = configuration.service.restart_s * 1e6
         self._on_readings = on_readings
         self._on_received = on_received

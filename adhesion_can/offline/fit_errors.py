@@ -6,7 +6,7 @@ fits the segment of constant surface best. It is not the curve that the estimato
 follows a slow effect as it follows the surface, and mistakes a fast one for another surface, so its
 own error shows little of the effect (0.2 % for a humidity that a diagnosis finds to be worth 37 %).
 
-100 (1 − with/without) is what the model gains. Of 16 effects on a drive of 240 s it came within 5
+100 (1 − with/without) is the gain of the model. Of 16 effects on a drive of 240 s it came within 5
 percentage points of the diagnosis, but for a late vehicle speed (66 % against 74 %).
 """
 

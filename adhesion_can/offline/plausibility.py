@@ -28,7 +28,7 @@ at larger ones below which a curve is linear."""
 CREEPING, SATURATED = (0.03, 0.2), 0.5
 """Slips, as ratios, at which a contact has most of its adhesion, and the share that shows it."""
 LEAST_LOAD_N = 50.0
-"""Median load below which no vehicle that is measured stands on a wheel."""
+"""Median load below which no vehicle that is measured rests on a wheel."""
 MOST_LOAD_N = 500e3
 """Load that no wheelset has; the heaviest carry 42 t."""
 LEAST_USED = 0.02
@@ -41,13 +41,13 @@ ROLLING_ADHESION, ROLLING_SPREAD = 0.01, 0.02
 """Adhesion below which a wheel rolls, and range of the slips of half of these rows beyond which
 they say nothing."""
 ROLLING_SLIP, ROLLING_LIMIT = 0.02, 0.07
-"""Slip of a rolling wheel that is told, and beyond which no radius is that worn."""
+"""Slip of a rolling wheel that is reported, and beyond which no radius is that worn."""
 STANDING_RATIO = 0.01
 """Rim speed over vehicle speed below which a wheel stands still; a wrong unit makes 0.017."""
 MOST_STANDING = 0.5
 """Share of the rows of an axle at rest from which it says nothing about adhesion."""
 LEAST_REPEATED, LEAST_STUCK = 0.01, 50
-"""Share of repeated stamps, and rows at one value, that are told."""
+"""Share of repeated stamps, and rows at one value, that are reported."""
 
 
 def inspect_points(points: Points) -> list[Finding]:
@@ -86,7 +86,7 @@ def inspect_samples(samples: Samples, *, table: bool, timed: bool = True) -> lis
 
     Args:
         samples: Samples of one table or recording.
-        table: Whether they are of a table; a speed or a load of 1 stands for a missing column.
+        table: Whether they are of a table; a speed or a load of 1 means a missing column.
         timed: Whether the rows have times.
 
     """

@@ -54,7 +54,7 @@ def watch_samples(
 ) -> list[ObjectionSpan]:
     """Find the times in which the service would object to the readings.
 
-    Jumps and deviations alone, by the same watch; a batch fit stands for the service's estimate.
+    Jumps and deviations alone, by the same watch; a batch fit means the service's estimate.
 
     Args:
         samples: Samples of a recording in the order of their collection.

@@ -116,7 +116,7 @@ def adhesion_full(
 
 
 class Peak(NamedTuple):
-    """Largest adhesion of a curve and where it stands.
+    """Largest adhesion of a curve and its place.
 
     Attributes:
         mu_max: Peak adhesion μ_m.

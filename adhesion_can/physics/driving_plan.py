@@ -1,7 +1,7 @@
 """A driving plan: steps with the slips that the axles are to have, within limits.
 
-A plan says what to drive so that explanations of earlier drives can be told apart. Its steps end by
-time alone, so that it is known beforehand at which time of the drive which step is driven.
+A plan says what to drive so that explanations of earlier drives can be distinguished. Its steps end
+by time alone, so that it is known beforehand at which time of the drive which step is driven.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ class PlanLimits:
 
     Attributes:
         effort_max: Largest effort of an axle, N. Less keeps the slips below those of the peak on a
-            dry rail, which tells less of the curve.
+            dry rail, which shows less of the curve.
         slip_max: Largest slip ratio, 1.
         speed_min: Lowest vehicle speed, m/s; braking ends there.
         speed_max: Highest vehicle speed, m/s; traction ends there.
@@ -61,7 +61,7 @@ class PlanStep:
     Attributes:
         duration_s: Duration, s.
         mode: Direction of the efforts; no axle pulls or brakes in 'coast'.
-        slip: Slip ratio, without its sign, at the begin and at the end; with `period_s` at the ends
+        slip: Slip ratio, without its sign, at the start and at the end; with `period_s` at the ends
             of the sweeps.
         period_s: Duration of a sweep from the first slip to the second and back, s; 0: the slip
             changes once, evenly over the step.
@@ -130,7 +130,7 @@ class PlanStep:
         """Slip ratio that each axle is to have, with its sign; NaN for an axle that idles.
 
         Args:
-            elapsed_s: Time since the step's begin, s; shape (n,) or one number.
+            elapsed_s: Time since the step's start, s; shape (n,) or one number.
             axles: Number of axles of the vehicle.
 
         Returns:
@@ -175,11 +175,11 @@ class DrivingPlan:
 
     Attributes:
         steps: Steps in the order in which they are driven.
-        start_speed: Vehicle speed at which the first step begins, m/s.
+        start_speed: Vehicle speed at which the first step starts, m/s.
         curve: Parameters (c1, c2, c3) of the expected adhesion curve, from which the controller
             takes the stiffness of the contact.
         limits: Limits that the plan respects.
-        purpose: Sentence about what the plan is to tell apart.
+        purpose: Sentence about what the plan is to distinguish.
         predictions: Predictions of the explanations.
         bandwidth_share: Share of the creep speed control's bandwidth that is used, above 0 and at
             most 1: signals that may be late need less.
@@ -226,17 +226,17 @@ class DrivingPlan:
         return max((max(step.axles, default=0) for step in self.steps), default=0)
 
     def begins(self) -> Iterator[tuple[float, PlanStep]]:
-        """Begin of each step after that of the plan, s, and the step."""
+        """Start of each step after that of the plan, s, and the step."""
         begin = 0.0
         for step in self.steps:
             yield begin, step
             begin += step.duration_s
 
     def step_at(self, elapsed_s: float) -> tuple[int, float] | None:
-        """Number of the step from 0 and time since its begin, s; None where the plan is over.
+        """Number of the step from 0 and time since its start, s; None where the plan is over.
 
         Args:
-            elapsed_s: Time since the plan's begin, s.
+            elapsed_s: Time since the plan's start, s.
 
         """
         for number, (begin, step) in enumerate(self.begins()):

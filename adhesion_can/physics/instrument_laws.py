@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # the effects import the instruments
     from adhesion_can.physics.lag_states import LagStates
 
 LEAST_SENSOR_GAIN = 0.05
-"""Least share of a true value that a reading is taken to have: of nothing no value can be told."""
+"""Least share of a true value that a reading is taken to have: a reading of 0 has no gain."""
 
 
 class Quantity(Enum):

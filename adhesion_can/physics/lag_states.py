@@ -16,7 +16,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 
 PAUSE_S = 1.0
-"""Pause in an axle's samples after which they do not follow each other: lags begin anew, s."""
+"""Pause in an axle's samples after which they do not follow each other: lags start again, s."""
 FEW = 48
 """Number of rows up to which a loop over the rows is faster than arrays."""
 REMEMBERED = 32
@@ -50,7 +50,7 @@ class LagStates:
     """Latest stamps, states and targets of first-order lags, by name and axle.
 
     Args:
-        pause_s: Pause in an axle's rows after which its lags begin anew, s.
+        pause_s: Pause in an axle's rows after which its lags start again, s.
 
     """
 
@@ -146,7 +146,7 @@ class SequentialLagStates(LagStates):
     """Lags whose response does not depend, to the last bit, on how the rows are divided.
 
     Args:
-        pause_s: Pause in an axle's rows after which its lags begin anew, s.
+        pause_s: Pause in an axle's rows after which its lags start again, s.
 
     """
 
@@ -160,10 +160,10 @@ class RememberedLagStates(LagStates):
     """Lags over the rows of one drive, the latest responses of which are kept.
 
     A search tries many effects on the same rows, and most trials leave the targets as they were.
-    Axles and times are the same in every call, and every lag begins anew in it.
+    Axles and times are the same in every call, and every lag starts again in it.
 
     Args:
-        pause_s: Pause in an axle's rows after which its lags begin anew, s.
+        pause_s: Pause in an axle's rows after which its lags start again, s.
 
     """
 

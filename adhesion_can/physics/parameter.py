@@ -30,7 +30,7 @@ PlausibleRange = Callable[[Wheelset], tuple[float, float]]
 
 
 class SearchStart(Enum):
-    """Values of a further parameter at which a search begins."""
+    """Values of a further parameter at which a search starts."""
 
     SCALES = auto()
     """Multiples of the typical value."""
@@ -55,9 +55,9 @@ class Parameter:
         given: Whether `typical` is the value in a diagnosis, which does not estimate it.
         plausible: Range beyond which no vehicle has the value: a fit that ends there names no
             cause. None: from `lower` to `upper`.
-        starts: Values at which a diagnosis begins its search, relative to `typical`; of the size
+        starts: Values at which a diagnosis starts its search, relative to `typical`; of the size
             it needs none.
-        search: Values at which a search begins, where the parameter is not the size.
+        search: Values at which a search starts, where the parameter is not the size.
         step: Step of a numerical derivative, in `unit`; 0: a share of `typical`.
 
     """

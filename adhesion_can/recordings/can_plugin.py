@@ -39,7 +39,7 @@ class CandumpReader(BinaryIOMessageReader):
     """Messages of candump text: of a file without faults those of `can.CanutilsLogReader`.
 
     Besides it reads the columns of `candump -ta` and the like. A line of any other form is passed
-    over, counted in `report`, and told at the end by one warning of this module's logger.
+    over, counted in `report`, and reported at the end by one warning of this module's logger.
 
     Args:
         file: Path, or file that is open for reading bytes.
@@ -64,7 +64,7 @@ class CandumpReader(BinaryIOMessageReader):
             _log.warning("%s: skipped %d lines (%s)", name, report.passed_over, places)
 
     def _readable(self, lines: Iterator[bytes]) -> Iterator[str]:
-        """Lines as python-can's reader takes them; others of frames are written anew for it."""
+        """Lines as python-can's reader takes them; others of frames are written again for it."""
         head = list(islice(lines, HEAD_LINES))
         whole = chain(head, lines)
         if times_are_differences(head):
@@ -85,5 +85,5 @@ class CandumpReader(BinaryIOMessageReader):
 
 
 def _as_log(line: bytes, frame: Frame) -> str:
-    """Line as it is where python-can reads it, with all its digits and flags, else written anew."""
+    """Line as python-can reads it, with all its digits and flags, else written again."""
     return line.decode("ascii") if _PLAIN.match(line) else format_frame(frame)

@@ -1,8 +1,8 @@
 """Time of a drive: the stamps of recordings in one sequence that runs forward.
 
 A clock that is set back while recording, a timer that wraps and a log that is appended to an older
-one give stamps below those in front of them for good. There a new stretch begins: its stamps are
-moved behind the others by more than `restart_s`, so that everything starts anew as after a hole.
+one give stamps below those in front of them for good. There a new stretch starts: its stamps are
+moved behind the others by more than `restart_s`, so that everything starts again as after a hole.
 Single frames that are late stay where they are.
 """
 
@@ -28,7 +28,7 @@ SEEN = 20
 SHOWN = 3
 """Most steps that are reported one by one."""
 USUAL_RESTART_S = 60.0
-"""Hole beyond which a drive begins anew where nobody configures it, s."""
+"""Hole beyond which a drive starts again where nobody configures it, s."""
 
 
 def hole_us(restart_s: float) -> int:
@@ -40,7 +40,7 @@ class DriveTime:
     """Maps the stamps of one recording after the other.
 
     Args:
-        restart_s: Hole beyond which the service starts anew, s.
+        restart_s: Hole beyond which the service starts again, s.
 
     """
 
@@ -53,11 +53,11 @@ class DriveTime:
         """Blocks of the next recording in the time of the drive.
 
         Args:
-            recording: The recording, whose report tells of the steps afterwards.
+            recording: The recording, whose report lists the steps afterwards.
             blocks: Its blocks.
 
         Raises:
-            RecordingError: It begins before the one in front of it ended, or its frames are sorted
+            RecordingError: It starts before the one in front of it ended, or its frames are sorted
                 newest first.
 
         """
@@ -91,11 +91,11 @@ class DriveTime:
 
 
 class _Step(NamedTuple):
-    """Begin of a new stretch.
+    """Start of a new stretch.
 
     Attributes:
-        row: Row at which it begins.
-        is_sure: Whether it does; else the rows behind it will tell.
+        row: Row at which it starts.
+        is_sure: Whether it does; else the rows behind it will show.
 
     """
 
@@ -131,7 +131,7 @@ class _Stretches:
         self._tell()
 
     def _parts(self, block: Block | None, *, is_end: bool) -> Iterator[Block]:
-        """Rows that are done, up to those of which only the next block tells what they are."""
+        """Rows that are done, up to those of which only the next block shows what they are."""
         held = [rows for rows in (self._waiting, block) if rows is not None]
         rows = held[0] if len(held) == 1 else Block.concatenate(held)
         self._waiting = None
@@ -170,7 +170,7 @@ class _Stretches:
         return self._before
 
     def _find_step(self, rows: Block, t_ns: NDArray[np.int64], *, is_end: bool) -> "_Step | None":
-        """Where a new stretch begins; None where none does."""
+        """Where a new stretch starts; None where none does."""
         latest_ns = int(t_ns[0]) if self._latest_ns is None else self._latest_ns
         highest = np.maximum.accumulate(np.concatenate([[latest_ns], t_ns]))[:-1]
         is_back = t_ns < highest - BACK_NS
@@ -217,7 +217,7 @@ class _Stretches:
         return True
 
     def _step(self, at_ns: int) -> None:
-        """Begin a new stretch with a row that would be at a time of the drive, ns."""
+        """Start a new stretch with a row that would be at a time of the drive, ns."""
         latest_ns = self._latest_ns or 0
         self._offset_ns += latest_ns + self._hole_ns - at_ns
         self._latest_ns = latest_ns + self._hole_ns

@@ -65,7 +65,7 @@ def detect_format(path: Path, head: bytes) -> str:
     """Suffix of the format of a recording, `CANDUMP` for candump text, or `FRAME_TABLE`.
 
     What the first bytes show counts, whatever the name. First bytes of no known format are no
-    error, for text may begin with anything: then the name counts.
+    error, for text may start with anything: then the name counts.
 
     Args:
         path: Path of the file.

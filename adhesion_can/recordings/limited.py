@@ -119,7 +119,7 @@ class _Copy:
     """A copy of this process."""
 
     def start(self, work: Callable[[], Iterable[Any]], limits: Limits, folder: str) -> None:
-        """Begin the work."""
+        """Start the work."""
         ours, theirs = os.pipe()
         with warnings.catch_warnings():
             # Python 3.12 counts threads of libraries too, which sleep and hold no lock.
@@ -170,7 +170,7 @@ class _New:
     )
 
     def start(self, work: Callable[[], Iterable[Any]], limits: Limits, folder: str) -> None:
-        """Begin the work."""
+        """Start the work."""
         self._process = subprocess.Popen(  # noqa: S603  our own program
             [sys.executable, "-c", self._PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )

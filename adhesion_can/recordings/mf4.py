@@ -131,7 +131,7 @@ class _Group:
         self.left: int = mdf.groups[index].channel_group.cycles_nr
 
     def read(self, count: int) -> _Part:
-        """Next `count` records, or all that are left."""
+        """Next `count` records, or the rest."""
         count = min(count, self.left)
         try:
             # As python-can's reader does; `select` leaves out some conversions.

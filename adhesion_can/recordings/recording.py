@@ -150,7 +150,7 @@ class Recording:
     def blocks(self, size: int = 4 * _CHUNK) -> Iterator[Block]:
         """Frames and marks in columns: as by iterating, many times as fast, in little memory.
 
-        The channels of each block begin with those of the one before. `report` and `position` are
+        The channels of each block start with those of the one before. `report` and `position` are
         those of the blocks given so far.
 
         Args:

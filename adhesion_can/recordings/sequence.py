@@ -94,10 +94,10 @@ def blocks_in_sequence(
 
     Args:
         recordings: Recordings in the order of their times.
-        restart_s: Hole beyond which the service starts anew, s.
+        restart_s: Hole beyond which the service starts again, s.
 
     Raises:
-        RecordingError: A recording begins before the one in front of it ended, there is not one
+        RecordingError: A recording starts before the one in front of it ended, there is not one
             frame in any of them, or the frames of one are sorted newest first.
 
     """

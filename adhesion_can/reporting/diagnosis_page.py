@@ -260,7 +260,7 @@ def _needed(found: Diagnosis) -> Parts:
 
 
 def _drives_that_tell(found: Diagnosis) -> Parts:
-    """What a drive left of the explanations, and the next one that would tell."""
+    """What a drive left of the explanations, and the next one that would separate."""
     parts: Parts = []
     if found.remaining is not None:
         parts.append(Text(found.remaining.sentence))

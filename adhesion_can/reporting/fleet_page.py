@@ -130,6 +130,6 @@ def _failures(overview: "FleetOverview") -> list[Part]:
 
 
 def _reason(reason: str) -> str:
-    """A reason without the path or URL of the file, with which most begin."""
+    """A reason without the path or URL of the file, with which most start."""
     where, _, rest = reason.partition(": ")
     return (rest if "/" in where else reason)[:120]

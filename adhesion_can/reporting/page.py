@@ -1,9 +1,9 @@
 """Reports as one HTML page that needs nothing but a browser: no server, no network.
 
 A page is plain data: sections of text, tables and figures. Figures are Plotly's JSON as plain
-dictionaries; Plotly's script stands in the page once, compressed, and a content security policy in
+dictionaries; Plotly's script is in the page once, compressed, and a content security policy in
 its head keeps the browser from loading anything else. Each figure is followed by its numbers in
-short, for who cannot see it.
+short, for readers who cannot see it.
 
 Jinja2 and Plotly come with the extra `report`.
 """

@@ -37,7 +37,7 @@ class Phase:
     Attributes:
         truth: Entry of the truth's `surfaces`.
         last: Outputs at the end of the segment; None where there were none.
-        found_s: Time from the begin of the segment until its surface was found, s; None where it
+        found_s: Time from the start of the segment until its surface was found, s; None where it
             never was.
         adhesion_used: Mean share of μ_max that was used in the segment; None without setpoints.
 

@@ -36,7 +36,7 @@ def _by_number(kinds: Iterable[Status | Doubt | Objection]) -> Mapping[float, st
 
 _AXLES = range(1, AXLE_FRAMES + 1)
 NO_FAMILY = 255
-"""Number that stands for no family of curves."""
+"""Number that means no family of curves."""
 _FAMILY_NUMBERS = {name: number for number, name in enumerate(FAMILIES)}
 FIELDS = (
     _names("status", "status of the service", _by_number(Status)),

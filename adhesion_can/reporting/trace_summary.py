@@ -1,4 +1,4 @@
-"""Numbers of a figure in short: a row for each of its traces, for who cannot see it."""
+"""Numbers of a figure in short: a row for each of its traces, for readers who cannot see it."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -162,7 +162,7 @@ class ColumnFormer:
             yield replace(own, covariates={**own.covariates, **more}) if more and len(own) else own
 
     def collect_all(self, due_us: Stamps) -> tuple[Samples, NDArray[np.int64]]:
-        """Samples of all times of collecting in one, and where those of each begin.
+        """Samples of all times of collecting in one, and where those of each start.
 
         A covariate that was not available at a sample is NaN there.
 
@@ -171,7 +171,7 @@ class ColumnFormer:
                 last of them is still to come.
 
         Returns:
-            Samples, and the row at which those of each time begin, shape (n + 1,).
+            Samples, and the row at which those of each time start, shape (n + 1,).
 
         """
         due = _Due(due_us)
@@ -382,7 +382,7 @@ class ColumnFormer:
 
 
 def _begin(correction: RowCorrection, readings: Readings) -> None:
-    """Let the recording begin with the first wheel speed."""
+    """Let the recording start with the first wheel speed."""
     wheels = (stamps for (role, _), (stamps, _) in readings.items() if role is Role.WHEEL_SPEED)
     begins = [int(stamps[0]) for stamps in wheels if len(stamps)]
     if begins:

@@ -3,9 +3,9 @@
 A force that was measured follows m dv/dt too, where all of it drives the vehicle. But its noise is
 its own. Where it was computed from the speed, it has the speed's noise, differentiated: then the
 parts of both that change from row to row correlate as the rest does, and no delay between speed and
-force can be told from them. Differences of a high order leave the noise alone: those of a smooth
-signal vanish, and for white noise of standard deviation σ the square of the k-th has the mean
-σ² (2k)!/(k!)² whatever k is (M. G. Kendall, The Advanced Theory of Statistics, vol. 2, on the
+force can be distinguished from them. Differences of a high order leave the noise alone: those of a
+smooth signal vanish, and for white noise of standard deviation σ the square of the k-th has the
+mean σ² (2k)!/(k!)² whatever k is (M. G. Kendall, The Advanced Theory of Statistics, vol. 2, on the
 variate-difference method).
 """
 

@@ -1,6 +1,6 @@
 """Samples of the adhesion curve on one time base, from readings of different rates.
 
-A sample stands at each wheel-speed stamp. Vehicle speed and effort are interpolated between the
+A sample is at each wheel-speed stamp. Vehicle speed and effort are interpolated between the
 two readings that bracket it, never extrapolated; dω/dt is the central difference of the wheel
 speeds before and after. So a sample is ready a cycle after its stamp, and a gap costs the samples
 in it and no others.

@@ -1,6 +1,6 @@
 """Noise of the sensors, estimated from the readings of a recording.
 
-Known is what the differences of a signal show: noise that changes from one reading to the next, and
+The differences of a signal show: noise that changes from one reading to the next, and
 errors that last, as far as their differences grow no further while the motion still does not show.
 A constant error shows nowhere in them. Where the motion is as fast as the readings, where a signal
 stands still or repeats itself, nothing is known, and the reason is given.
@@ -49,7 +49,7 @@ SETTLED = 1.3
 LEAST_STEP_SHARE = 1.5
 """Variance over that of the rounding, from which there is noise beside it."""
 REPEATED = 0.6
-"""Share of repeated values from which a signal is not measured anew for each reading."""
+"""Share of repeated values from which a signal is not measured again for each reading."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,7 @@ class BusListener:
         return self._bus.is_open
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start to listen."""
         self._thread.start()
 
     def stop(self) -> None:

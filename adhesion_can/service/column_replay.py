@@ -42,7 +42,7 @@ class ColumnReplay:
         """Process a block; returns the frames due at or before its last stamp.
 
         Rows stamped before the present time, that of the rows before them, are clamped to it and
-        counted. After a hole longer than the configured restart time the service starts anew, and
+        counted. After a hole longer than the configured restart time the service starts again, and
         after a mark that it was stopped.
         """
         if not len(block):

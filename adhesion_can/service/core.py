@@ -40,7 +40,7 @@ class Counts:
     Attributes:
         clamped: Number of frames stamped before the present time, and moved to it.
         foreign: Number of frames whose id belongs to no input message.
-        restarts: Number of holes in time after which the service started anew.
+        restarts: Number of holes in time after which the service started again.
         samples: Number of samples formed.
         receive_drops: Number of frames that a live bus lost; set by the loop that runs the core.
 
@@ -134,7 +134,7 @@ class ServiceCore:
         """Bring the core to a time, µs; returns the frames due at or before it.
 
         A time before the present one changes nothing. A hole longer than the configured restart
-        time is not filled with messages: the service starts anew with the next input.
+        time is not filled with messages: the service starts again with the next input.
         """
         return list(self.due_frames(t_us))
 
@@ -220,7 +220,7 @@ class ServiceCore:
         """Bring the core to a time, µs, and take back what was sent; returns the frames.
 
         The last frame of every message says 'not available', with status INIT. Nothing is due until
-        the next input, with which the service starts anew. Another stop at the same time says it
+        the next input, with which the service starts again. Another stop at the same time says it
         once more; a core that has sent nothing since has nothing to take back.
         """
         frames = self.advance(t_us)
@@ -237,7 +237,7 @@ class ServiceCore:
         return frames
 
     def start(self, t0_us: int) -> None:
-        """Begin to send, with the first accepted input at T0, µs; after a stop, anew."""
+        """Start to send, with the first accepted input at T0, µs; after a stop, again."""
         if self._stopped_us is not None:
             self._forget()
             self._stopped_us = None
@@ -284,7 +284,7 @@ class ServiceCore:
         return self.configuration.service.restart_s * 1e6
 
     def restart(self) -> None:
-        """Start anew after a hole in time; a core that has had no input yet stays as it is."""
+        """Start again after a hole in time; a core that has had no input yet stays as it is."""
         if not self.schedule.started:
             return
         self.counts.restarts += 1

@@ -3,15 +3,15 @@
 NEAR_US = 2_000
 """Time before a due time within which messages need not have come, µs."""
 LONGEST_PAUSE = 63
-"""Largest number of due times for which it is not tried after it was in vain."""
+"""Largest number of due times for which it is not tried after a failure."""
 
 
 class EarlyStart:
     """Decides by experience whether the last messages before a due time are worth waiting for.
 
-    Where they complete a sample, what was made without them is in vain. A message that is sent at
+    Where they complete a sample, the early result is not used. A message that is sent at
     the due times themselves comes before them now, now after them, and mostly completes none. So it
-    is tried once a due time; after each time in vain for twice as many due times not (exponential
+    is tried once a due time; after each failure for twice as many due times not (exponential
     backoff).
     """
 
@@ -21,11 +21,11 @@ class EarlyStart:
         self._pause = self._left = 0
 
     def allows(self, t_us: int) -> bool:
-        """Whether to begin work of a due time, µs, without the messages that are missing."""
+        """Whether to start work of a due time, µs, without the messages that are missing."""
         return not self._left and self._tried_us != t_us
 
     def begin(self, t_us: int) -> None:
-        """Take down that work of a due time, µs, begins without them."""
+        """Take down that work of a due time, µs, starts without them."""
         self._tried_us, self._in_vain = t_us, False
 
     def repeat(self) -> None:

@@ -61,7 +61,7 @@ class EstimationLoop:
         self.discard()
 
     def discard(self) -> None:
-        """Drop estimator and estimate, and begin with a fresh estimator."""
+        """Drop estimator and estimate, and start with a fresh estimator."""
         self._estimator = self._make_estimator()
         self._prepared: _Prepared | None = None
         self._replaced: Estimator | None = None

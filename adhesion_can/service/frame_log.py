@@ -137,8 +137,8 @@ class FrameLog:
 class LogBehind:
     """Writes a log in a thread of its own: no disk and no reader holds the loop up.
 
-    Where neither takes what comes, lines are lost, which is told, and a comment in the log stands
-    where they are missing.
+    Where neither takes what comes, lines are lost, which is reported, and a comment in the log
+    marks the place.
 
     Args:
         path: Path of the first file.

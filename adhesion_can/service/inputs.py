@@ -25,7 +25,7 @@ class InputSnapshot(NamedTuple):
         stale: Whether a required input has been silent for more than `STALE_CYCLES` cycles.
         speed: Latest vehicle speed, m/s; None where it is not available.
         totals: Function that counts the frames rejected and, by their counters, lost since the
-            service began; few messages tell it.
+            service began; few messages show it.
         dropped: Number of wheel-speed readings that gave no sample since the last start, by reason.
 
     """
@@ -75,7 +75,7 @@ class _Ahead(NamedTuple):
     is_current: bool = True
 
     def after(self, readings: Iterable[Reading]) -> "_Ahead | None":
-        """The same after further readings, which its former gets; None where it is in vain."""
+        """The same after further readings, which its former gets; None where it cannot help."""
         if self.former.gave_up:
             return None
         for reading in readings:
@@ -198,7 +198,7 @@ class FrameInputs:
     def collect_ahead(self, t_us: int) -> Samples:
         """Samples of a due time, µs, if nothing else comes before it.
 
-        Then `snapshot` gives the same object; after another reading it collects anew.
+        Then `snapshot` gives the same object; after another reading it collects again.
         """
         ahead = self._find_ahead(t_us)
         if ahead is None:

@@ -118,10 +118,10 @@ class LiveService:
         self._notify = notify
         self._each_turn = each_turn
         self._stuck_signals: list[str] = []
-        """Signals that were told to be stuck."""
+        """Signals that were reported to be stuck."""
         self._stuck_readings = 0
         self._overload_told = False
-        """Whether it was told that more frames come than are handled."""
+        """Whether it was reported that more frames come than are handled."""
         self._stop = threading.Event()
         self._loop_times_s: deque[float] = deque(maxlen=1000)
 
@@ -132,7 +132,8 @@ class LiveService:
     def run(self, until_us: int | None = None) -> None:
         """Run until `stop` is called, or until the clock passes `until_us`; then close the bus.
 
-        The last frames say 'not available': nobody goes on by a setpoint that nobody stands behind.
+        The last frames say 'not available': no controller continues with a setpoint that has no
+        sender.
         """
         # What lives as long as the service need not be looked through for garbage: a collection of
         # the whole heap takes tens of milliseconds. So would one here, while frames come already.
@@ -230,7 +231,7 @@ class LiveService:
             self.core.loop_time_p99_us = float(np.quantile(self._loop_times_s, 0.99)) * 1e6
 
     def _tell_stuck(self) -> None:
-        """Tell the signals that became stuck, and those that change again."""
+        """Report the signals that became stuck, and those that change again."""
         stuck = self.core.receiver.stuck
         if stuck == self._stuck_readings and not self._stuck_signals:
             return
@@ -249,7 +250,7 @@ class LiveService:
         self._stuck_signals = signals
 
     def _tell_overload(self) -> None:
-        """Tell once that the machine is too slow for the bus."""
+        """Report once that the machine is too slow for the bus."""
         if self._queue.is_overloaded and not self._overload_told:
             self._overload_told = True
             self._notify(

@@ -1,6 +1,7 @@
 """HTTP server of the figures: few connections at a time, each for a few seconds.
 
-Whoever opens connections and says nothing takes neither a core nor the descriptors that the bus
+A client that opens connections and says nothing takes neither a core nor the descriptors that the
+bus
 needs: the oldest one is closed for the next one. Needs the extra `metrics`.
 """
 
@@ -93,7 +94,7 @@ class _Server(ThreadingHTTPServer):
                 _hang_up(connection)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Tell what failed, but for a client that has gone."""
+        """Report what failed, but for a client that has gone."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 

@@ -162,7 +162,7 @@ class OutputMessages:
     def compose(
         self, name: str, t_us: int, outputs: Outputs, health: Callable[[], Health]
     ) -> list[Frame]:
-        """Frames of one message at its due time, µs; `health` is asked by the one that tells it."""
+        """Frames of one message at its due time, µs; `health` is asked by the one that shows it."""
         return self._composers[name](t_us, outputs, health)
 
     def prepare(self, t_us: int, outputs: Outputs) -> Frame:

@@ -17,7 +17,7 @@ from adhesion_can.service.states import VALUES, Values
 
 
 class Setpoint(NamedTuple):
-    """Setpoint of one axle, or of all axles together; None stands for 'not available'.
+    """Setpoint of one axle, or of all axles together; None means 'not available'.
 
     Attributes:
         mu_max: Largest adhesion coefficient μ_max.
@@ -33,7 +33,7 @@ class Setpoint(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """Contents of the output messages at a due time; None stands for 'not available'.
+    """Contents of the output messages at a due time; None means 'not available'.
 
     Attributes:
         status: Status of the service.

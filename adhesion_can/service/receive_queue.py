@@ -35,7 +35,7 @@ before it is waited for."""
 DRAIN_FRAMES = 256
 """Largest number of messages read from the bus before the next one is handled."""
 HELD_UP_FRAMES = 65_536
-"""The same after this process stood still: the last message tells how old the others are."""
+"""The same after this process stood still: the last message shows how old the others are."""
 
 
 class Received(NamedTuple):

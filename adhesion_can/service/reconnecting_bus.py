@@ -38,7 +38,7 @@ class ReconnectingBus:
         sleep: Function that waits for a time, s.
         wait_for_it: Whether a bus that cannot be opened at first is tried again, as a lost one.
         count_unsent: Function that counts the frames that an interface dropped instead of sending;
-            None where it does not tell.
+            None where it does not show.
 
     Raises:
         OPENING_ERRORS: The bus cannot be opened, and is not waited for.
@@ -90,7 +90,7 @@ class ReconnectingBus:
 
     @property
     def kernel_drops(self) -> int:
-        """Number of frames that the kernel dropped, of all buses; 0 where it does not tell."""
+        """Number of frames that the kernel dropped, of all buses; 0 where it does not show."""
         if self._bus is not None:
             self._drops = count_drops(self._bus) or self._drops
         return self._earlier_drops + self._drops
@@ -164,7 +164,7 @@ class ReconnectingBus:
         return bus
 
     def _look_for_unsent(self, bus: can.BusABC) -> None:
-        """Count what the interface dropped, and tell where that is all that was sent."""
+        """Count what the interface dropped, and show where that is all that was sent."""
         count = self._count_unsent(bus)
         if count is None:
             return

@@ -44,7 +44,7 @@ class ReplaySummary:
 
 
 def require_frames_in_span(summary: ReplaySummary, from_s: float, where: str) -> None:
-    """Raise a RecordingError where a recording ends before the part that is asked for begins."""
+    """Raise a RecordingError where a recording ends before the part that is asked for starts."""
     length_s = summary.length_us / 1e6
     if not summary.frames and from_s > length_s:
         raise RecordingError(
@@ -68,7 +68,7 @@ def replay_blocks(
         blocks: Blocks in the order of the recording.
         core: Fresh core.
         send: Callback with each frame that the service sends.
-        from_s: Begin of the part that is replayed, s after the first row.
+        from_s: Start of the part that is replayed, s after the first row.
         to_s: End of that part (inclusive), s after the first row; None for the last row.
 
     """
@@ -121,7 +121,7 @@ def replay(
         items: Frames and marks in the order of the recording.
         core: Fresh core.
         send: Callback with each frame that the service sends.
-        from_s: Begin of the part that is replayed, s after the first item.
+        from_s: Start of the part that is replayed, s after the first item.
         to_s: End of that part (inclusive), s after the first item; None for the last item.
         realtime: Whether to keep the speed of the recording, rather than go as fast as possible.
 

@@ -11,7 +11,7 @@ from adhesion_can.files import read_small_file, regular_file, whole_file
 from adhesion_can.service.file_lock import file_lock
 
 _MOST_BYTES = 256
-"""Length beyond which a file is none of these, bytes."""
+"""Length beyond which a file is refused, bytes."""
 _LOCK_WAIT_S = 10.0
 """Time for which other starts with the same counter are waited for, s; each takes milliseconds."""
 
@@ -45,7 +45,7 @@ class TripFile:
     """Trip counter in a file, written before it is used, and under a lock.
 
     Args:
-        path: Path of the file; where there is none, the counter begins at 1.
+        path: Path of the file; where there is none, the counter starts at 1.
 
     """
 

@@ -32,11 +32,11 @@ class ServiceManager:
         self._told_s = -1e9
 
     def ready(self, status: str) -> None:
-        """Tell that the service is ready, with a line for `systemctl status`."""
+        """Report that the service is ready, with a line for `systemctl status`."""
         self._tell(f"READY=1\nSTATUS={status}", READY_S)
 
     def alive(self) -> None:
-        """Tell that the loop goes on, where a watchdog waits for it; cheap, for every turn.
+        """Report that the loop goes on, where a watchdog waits for it; cheap, for every turn.
 
         It is called by the loop itself, and waits for nobody.
         """
@@ -48,7 +48,7 @@ class ServiceManager:
             self._told_s = now_s if was_told else now_s - (1.0 - AGAIN) * self._interval_s
 
     def stopping(self) -> None:
-        """Tell that the service ends."""
+        """Report that the service ends."""
         self._tell("STOPPING=1")
 
     def _tell(self, text: str, wait_s: float = 0.0) -> bool:

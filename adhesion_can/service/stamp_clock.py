@@ -2,9 +2,9 @@
 
 The host's clock here is monotonic: it goes on evenly while the wall clock is set. Stamps come from
 another clock (the wall clock, an adapter's, another host's), which may step, drift, stand still or
-jump to and fro. How far the two are apart is told by frames that came while they were waited for,
-which are as old as the way through the driver, by frames from the future, which do not exist, and
-by those that are older than the time since nothing waited.
+jump to and fro. How far the two are apart is reported by frames that came while they were waited
+for, which are as old as the way through the driver, by frames from the future, which do not exist,
+and by those that are older than the time since nothing waited.
 """
 
 from collections import deque
@@ -15,7 +15,7 @@ TOLERANCE_US = 1_000
 STEP_US = 20_000
 """Difference from which a clock has stepped, and has not drifted, µs."""
 WAITED_US = 1_000_000
-"""Age of the first frame up to which it may have waited for the service to begin, µs."""
+"""Age of the first frame up to which it may have waited for the service to start, µs."""
 FRAMES = 8
 """Frames that must agree before the offset is changed: this host may be late for some, and the
 stamp of one may be wrong."""

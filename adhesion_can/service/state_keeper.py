@@ -23,7 +23,7 @@ class StateKeeper:
 
     Args:
         path: File of the state.
-        state: State to begin with.
+        state: State to start with.
         interval_s: Interval of writing, s.
         notify: Callback with a line for the operator.
 

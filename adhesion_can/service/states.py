@@ -155,7 +155,7 @@ class StatusMachine:
         self._fault_until_us = t_us + FAULT_HOLD_US
 
     def add_sample(self, t_us: int) -> None:
-        """Start the sample age anew, at the stamp of the latest sample."""
+        """Start the sample age again, at the stamp of the latest sample."""
         self._last_sample_us = t_us
 
     def add_estimate(self, t_us: int, estimate: Estimate) -> None:
@@ -197,7 +197,7 @@ class StatusMachine:
         return self.update(t_us, estimate, stale=stale, speed_derived=speed_derived)
 
     def _look_at(self, samples: Samples, estimate: Estimate | None) -> None:
-        """Start the sample age anew where samples can be used."""
+        """Start the sample age again where samples can be used."""
         if estimate is not None and estimate.objection is not Objection.NONE:
             return
         limits = self._limits

@@ -35,7 +35,7 @@ class WrittenBehind:
         self._keeper: StateKeeper | None = None
 
     def log(self, path: Path) -> LogBehind:
-        """Begin a log.
+        """Start a log.
 
         Raises:
             InputError: It cannot be written, or is a pipe that nobody reads.
@@ -45,7 +45,7 @@ class WrittenBehind:
         return self._log
 
     def keep(self, path: Path, state: KeptState, interval_s: float) -> StateKeeper:
-        """Begin to keep a state in a file, once an interval."""
+        """Start to keep a state in a file, once an interval."""
         self._keeper = StateKeeper(path, state, interval_s, self._notify)
         return self._keeper
 

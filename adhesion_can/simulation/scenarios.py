@@ -67,7 +67,7 @@ class Scenario:
         )
 
     def sections(self, duration_s: float) -> list[TrackSection]:
-        """Surfaces with the times at which they begin."""
+        """Surfaces with the times at which they start."""
         share = duration_s / len(self.surfaces)
         return [
             TrackSection(round(i * share, 6), surface_by_name(name))

@@ -175,7 +175,7 @@ class SensorErrors:
 
 
 WHOLE_VEHICLE = np.ones(1)
-"""Axle in whose place a reading of the whole vehicle stands."""
+"""Axle in whose place a reading of the whole vehicle is kept."""
 
 
 class Transmitter:
@@ -260,7 +260,7 @@ class Sensors:
         Args:
             after: State at `until_us`.
             before: State at `from_us`.
-            from_us: Begin of the step, µs.
+            from_us: Start of the step, µs.
             until_us: End of the step, µs.
 
         """

@@ -45,7 +45,7 @@ Further signals that may be a cause: `NAME = "Message.Signal"`, or a table with 
 and `unit` and `label`, texts for reports: [Channels](../configuration.md#channels).
 """
 COLUMNS = """
-Which column of a table is what: `NAME = "heading"`, or a table with these keys:
+Meaning of each column of a table: `NAME = "heading"`, or a table with these keys:
 [Your own measurements](../own_data.md).
 """
 DATABASE = (

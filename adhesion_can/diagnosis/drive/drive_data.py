@@ -1,6 +1,6 @@
 """Rows of one recording or table on which the model equations are evaluated (before step 1).
 
-A row stands at each reading of an axle's effort. The effort is the noisy signal, and interpolating
+A row is at each reading of an axle's effort. The effort is the noisy signal, and interpolating
 it would change its noise with the delay that is estimated; so the smooth kinematics are
 interpolated to its stamps. Rows of one axle are contiguous, in the order of their stamps.
 """

@@ -114,7 +114,7 @@ def _arbitrary_times(rows: int) -> Array:
 def _monotonic_times(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:
     """Times that increase for each axle, s, the same clock for all of them.
 
-    Where the clock of an axle goes back, or its segment changes, a new stretch begins. Stretches,
+    Where the clock of an axle goes back, or its segment changes, a new stretch starts. Stretches,
     and what a pause of all axles parts, are set well apart.
     """
     stretch, longest = np.zeros(len(t_s), dtype=np.int64), 0.0

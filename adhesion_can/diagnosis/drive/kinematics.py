@@ -47,7 +47,7 @@ class SpeedError(NamedTuple):
         std: Standard deviation of the smoothed vehicle speed, m/s.
         window_s: Width of the smoothing window, over which errors are correlated, s.
         largest_std: Largest standard deviation that the readings do not rule out, m/s: of noise
-            that lasts for longer than the window they tell how fast it wanders, not how far.
+            that lasts for longer than the window they show how fast it wanders, not how far.
 
     """
 

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 
 MEMORIES_S = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4)
-"""Memories of the lasting part that are compared, s. A longer one cannot be told from the motion
-behind the widest smoothing window, 3 s."""
+"""Memories of the lasting part that are compared, s. A longer one cannot be distinguished from the
+motion behind the widest smoothing window, 3 s."""
 MOST_DEVIATIONS, NORMAL_OVER_MEDIAN = 5.0, 1.4826
 """Largest residual that is taken for noise, in standard deviations by the median, and the standard
 deviation of a normal variable over the median of its size."""
 LONGER_MEMORIES_S = (3.0, 5.0, 10.0)
-"""Further memories of noise that is still reckoned with, s."""
+"""Further memories of noise that is still allowed for, s."""
 HAS_MEMORY, CLEARLY_BETTER = 0.7, 0.97
 """Residual norm with a lasting part over that without one, from which there is one; and that of a
 longer memory over that of a shorter one, from which it is preferred."""
@@ -39,7 +39,7 @@ class LastingNoise:
         lasting: Variance of the autoregressive part, the signal's unit squared.
         memory_s: Time constant of the autoregressive part, s; 0 where there is none.
         largest: Variance of the autoregressive part with the longest memory that is not ruled out,
-            the signal's unit squared: of a memory longer than the smoothing window a signal tells
+            the signal's unit squared: of a memory longer than the smoothing window a signal shows
             how fast its noise wanders, 2σ²/τ, and not how far.
 
     """

@@ -100,7 +100,7 @@ def _mean_wheelset(drives: Sequence[DriveData]) -> Wheelset:
 def _plausible(effect: Effect, wheelset: Wheelset) -> tuple[float, float]:
     """Smallest and largest size of an effect that a vehicle may have.
 
-    A delay beyond its range is told before anything is fitted.
+    A delay beyond its range is reported before anything is fitted.
     """
     size = effect.parameters[0]
     if size.plausible is not None:

@@ -90,7 +90,7 @@ class FamilyChoice(NamedTuple):
     """Family that may replace Burckhardt's, and how far the search with it has to go.
 
     Attributes:
-        curves: Curves of the family to begin with.
+        curves: Curves of the family to start with.
         most_effects: Largest number of effects with which it can be preferred.
 
     """

@@ -1,7 +1,7 @@
 """Delays that a search did not reach.
 
 The sum of squares has several minima along a delay where slips are swept quickly, and a search that
-begins without a delay stops at the first one. The delay found is then too short, or a lag fits
+starts without a delay stops at the first one. The delay found is then too short, or a lag fits
 better than it.
 """
 
@@ -98,7 +98,7 @@ def _fit_delay(
 ) -> FittedModel:
     """A model with a delay of about a given size, s, in addition.
 
-    With the curves of another delay the search may stop where it begins; so the curves are fitted
+    With the curves of another delay the search may stop where it starts; so the curves are fitted
     at a few given delays first, none of them beyond what a delay may be.
     """
     given = {_in_range(delay, scale * about_s) for scale in scales}

@@ -1,4 +1,4 @@
-"""Effects that the data cannot tell from a named one: the same signature, and the same gain.
+"""Effects that the data cannot distinguish from a named one: the same signature, and the same gain.
 
 A paired test over blocks may prefer one of two explanations that differ by a hundredth of what
 either of them explains. Errors of the curve's form are larger than that, so such a preference names

@@ -198,7 +198,7 @@ class Findings:
 
     @property
     def without_noise_averages(self) -> "Findings":
-        """The findings without lags that average noise, and delays too short to be told."""
+        """The findings without lags that average noise, and delays too short to be known."""
         best, regression = self.selection.best, self.prepared.regression
         lags = tuple(c for c in best.candidates if c.is_lag)
         groups = [lags, *((lag,) for lag in lags)] if len(lags) > 1 else [lags]

@@ -1,8 +1,8 @@
 """Formulas in one channel, or in two, as candidates: a small grammar of at most three constants.
 
 Powers, exponentials, saturation, a threshold, a step between two levels, a parabola, a first-order
-lag, and products with another channel. The level belongs to the curve, so that each formula stands
-for all that differ from it by a constant factor. Powers: Box and Cox, J. R. Stat. Soc. B 26 (1964).
+lag, and products with another channel. The level belongs to the curve, so that each formula means
+all that differ from it by a constant factor. Powers: Box and Cox, J. R. Stat. Soc. B 26 (1964).
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ MOST_GAIN = 20.0
 LEAST_POWER, STEEPEST = 0.02, 8.0
 """Smallest and largest exponent of a power; a smaller one is the logarithm's."""
 PLACES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
-"""Places of a bend in the range of a channel from which a fit begins."""
+"""Places of a bend in the range of a channel from which a fit starts."""
 LAGS_S = (2.0, 20.0)
 """Typical time constants of lags, s."""
 
@@ -116,7 +116,7 @@ def _share() -> Parameter:
 
 
 def _place(channel: FormulaChannel, share: float) -> Parameter:
-    """Place in the range of a channel, from its begin."""
+    """Place in the range of a channel, from its start."""
     span = channel.span
     return Parameter("b", channel.unit, share * span, 0.0, 1.05 * span, "place of the bend")
 

@@ -61,7 +61,7 @@ class HoldOutUnits:
     Attributes:
         unit: Unit number of each held-out row, shape (m,).
         description: Description of the data that were held out, a clause for reports.
-        spans: Recording, begin and end of each span of units, s on the recording's clock.
+        spans: Recording, start and end of each span of units, s on the recording's clock.
         stratum: Number of the drive of each held-out row, where parts of each drive were held out;
             None: all are drawn alike. Shape (m,).
         whole: Whether they are parts of recordings that were held out whole.

@@ -1,4 +1,4 @@
-"""Whether a lag or a delay only averages noise of the slip, or is shorter than the signals tell.
+"""Whether a lag or a delay only averages noise of the slip, or is shorter than the signals show.
 
 A lag smooths the slips with which the curve is entered, and a delay interpolates between readings.
 Where the curve bends sharply, or is steep, smoothing noisy slips gains by itself. It does so in
@@ -49,7 +49,7 @@ class Reversed:
 
     @property
     def id(self) -> str:
-        """Id of the effect: it stands in its place in the order of effects."""
+        """Id of the effect: it has its place in the order of effects."""
         return self.effect.id
 
     @property
@@ -144,7 +144,7 @@ def averages_noise(
 def without_short_delay(
     regression: WhitenedRegression, best: ScoredModel, lags: Sequence[Candidate]
 ) -> ScoredModel | None:
-    """The model without the shortest delay that may be shorter than the signals tell; else None.
+    """The model without the shortest delay that may be shorter than the signals show; else None.
 
     One at a time: of two delays that nothing separates both may be short, and one is not.
 

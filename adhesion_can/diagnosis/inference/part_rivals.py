@@ -1,6 +1,6 @@
 """Which of the rivals is left once all rows of several drives are asked.
 
-A drive that was made to tell rivals apart is short, and a part of it is held out for the gain. The
+A drive that was made to distinguish rivals is short, and a part of it is held out for the gain. The
 choice between models of one size needs no rows that were held out: every row of the drives that
 decide is used, and a rival that is significantly worse is dropped.
 """

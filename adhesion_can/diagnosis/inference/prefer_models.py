@@ -7,7 +7,7 @@ from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 DRIFT_SHARE = 0.7
-"""Share of what a mere drift explains, from which a channel of the user's stands in its place."""
+"""Share of what a mere drift explains, from which a channel of the user's takes its place."""
 SAME_WORDS = 0.01
 """Difference of what two models explain, relative to it, up to which they are the same."""
 

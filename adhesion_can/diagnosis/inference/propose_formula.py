@@ -2,7 +2,7 @@
 
 Formulas of a small grammar compete by cross-validation, as effects do. One with more constants must
 be better than all with fewer by more than chance allows, all formulas counted; those that are left
-are told as rivals. A formula beside which the residual still depends on the channel is none.
+are reported as rivals. A formula beside which the residual still depends on the channel is none.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Where the search for an effect begins: multiples of typical values, or what the data give."""
+"""Where the search for an effect starts: multiples of typical values, or what the data give."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.physics.parameter import SearchStart
 
 STEEP, LEAST_ROWS, EDGE = 0.6, 50, 20
-"""Adhesion over the largest up to which slips tell a step of the speed, the least number of such
+"""Adhesion over the largest up to which slips show a step of the speed, the least number of such
 rows, and the part of them at either end in which no step is looked for, one over."""
 LEAST_SWING, LEAST_DEVIATIONS = 3e-4, 5.0
 """Relative swing of a wheel speed once a turn below which it matters to no slip, and least swing in

@@ -46,7 +46,7 @@ class NoiseComparison:
 
     Attributes:
         floor: RMS of what the selected effects and a spline in every channel leave.
-        sensors: RMS of the noise by the sensors; None where the readings do not tell it.
+        sensors: RMS of the noise by the sensors; None where the readings do not show it.
         std_error: Standard error of `sensors`, relative to it.
         usual: Ratio of both without the largest residuals: a few wild readings are no mechanism.
         left: The same ratio for what the selected effects leave, without splines.
@@ -125,7 +125,7 @@ def compare_where_effort_is_noisy(regression: WhitenedRegression, model: Model) 
 
     Returns:
         RMS without the largest residuals over that of the sensors' noise; None where the readings
-        do not tell it or where there are hardly such rows.
+        do not show it or where there are hardly such rows.
 
     """
     found = _estimate_variance(regression, model)
@@ -151,7 +151,7 @@ class _RowVariance(NamedTuple):
 
 
 def _estimate_variance(regression: WhitenedRegression, model: Model) -> _RowVariance | None:
-    """Variance by the sensors; None where the readings do not tell it."""
+    """Variance by the sensors; None where the readings do not show it."""
     data = regression.data
     evaluation = regression.evaluate_corrected(model)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)

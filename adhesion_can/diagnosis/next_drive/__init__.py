@@ -1,4 +1,4 @@
-"""The next drive: the shortest manoeuvre that tells the remaining explanations apart.
+"""The next drive: the shortest manoeuvre that distinguishes the remaining explanations.
 
 `explanations` lists what is left, `planned_drive` predicts what a plan would measure, `discrepancy`
 how far a rival remains from that after it was fitted to it, `catalogue` has the manoeuvres,

@@ -1,4 +1,4 @@
-"""Compute the next drive: which manoeuvre tells the remaining explanations apart, and how."""
+"""Compute the next drive: which manoeuvre distinguishes the remaining explanations, and how."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -63,7 +63,7 @@ def compute_next_drive(
     limits: PlanLimits,
     rivals: Sequence[str] = (),
 ) -> NextDrive:
-    """The drive that would tell what is left of explanations apart.
+    """The drive that would distinguish what is left of explanations.
 
     Args:
         found: Findings of a diagnosis.
@@ -89,7 +89,7 @@ def compute_next_drive(
 def plan_drive(
     explanations: Sequence[Explanation], setting: DriveSetting, limits: PlanLimits
 ) -> NextDrive:
-    """The drive that would tell explanations apart in a setting.
+    """The drive that would distinguish explanations in a setting.
 
     Args:
         explanations: Explanations that are left.
@@ -308,7 +308,7 @@ def _list_pairs(comparison: Comparison, most: DriveSequence | None) -> tuple[Pai
 def _describe_missed(
     names: Sequence[str], limits: PlanLimits, missed: Mapping[Pair, float], most: int
 ) -> str:
-    """Which pairs no drive within the limits tells apart, the first so many."""
+    """Which pairs no drive within the limits distinguishes, the first so many."""
     said: dict[frozenset[int], str] = {}
     for (a, b), value in list(missed.items())[:most]:
         said.setdefault(

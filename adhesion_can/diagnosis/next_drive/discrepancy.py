@@ -144,7 +144,7 @@ def minimise(gram: Array, prior: Array) -> tuple[Array, float]:
 def _contains(larger: Explanation, smaller: Explanation) -> bool:
     """Whether an explanation has all effects of another one, which it then imitates.
 
-    Of another family of curves it may be told apart even so.
+    Of another family of curves it may be distinguished even so.
     """
     one, other = larger.model, smaller.model
     same = one.curves.family is other.curves.family

@@ -1,6 +1,6 @@
 """What a planned drive is predicted with: vehicle, train, sensors and noise of the longest drive.
 
-The longest, by its rows, tells most of loads and resistance; the last one may have been a short one
+The longest, by its rows, shows most of loads and resistance; the last one may have been a short one
 that was made to decide.
 """
 
@@ -123,7 +123,7 @@ def _row_cycle(drive: DriveData) -> float:
 
 
 def _find_noise(regression: WhitenedRegression, fitted: FittedModel) -> float:
-    """Noise of a row's adhesion where the curve is flat, as one without memory tells as much.
+    """Noise of a row's adhesion where the curve is flat, as one without memory shows as much.
 
     A signal that changes slowly passes the whitening filter with the sum of its coefficients.
     """

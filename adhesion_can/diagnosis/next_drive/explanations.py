@@ -1,4 +1,4 @@
-"""Explanations that are left of a diagnosis, each fitted to all that was driven."""
+"""Explanations that are left of a diagnosis, each fitted to all drives."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,9 +27,9 @@ from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
 AS_GOOD = 0.9
 """Share of what a named effect explains, from which its rival can be planned with: less shows that
-the rival stands for a law of its kind that the library does not have."""
+the rival means a law of its kind that the library does not have."""
 MOST_EXPLANATIONS = 4
-"""Largest number of explanations that a plan is to tell apart."""
+"""Largest number of explanations that a plan is to distinguish."""
 PLAIN = "the plain curve"
 """Name of the explanation without effects."""
 
@@ -68,7 +68,7 @@ def build_explanations(
         found: Findings of steps 2 to 6.
         is_confirmed: Whether the selected effects hold on the held-out data.
         rivals: Ids of the effects that the data cannot distinguish from each named one.
-        others: Further models that are to be told apart, such as refuted ones that help.
+        others: Further models that are to be distinguished, such as refuted ones that help.
 
     """
     regression = found.prepared.regression.last_fit

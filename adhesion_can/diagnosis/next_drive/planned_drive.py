@@ -30,7 +30,7 @@ STEP_S = 0.02
 SMOOTH_S = 0.4
 """Time over which the axles follow a jump of the wanted slip, s."""
 SETTLE_S = 0.8
-"""Time after the begin of a step whose rows do not count, s: how the axles get to the slips of the
+"""Time after the start of a step whose rows do not count, s: how the axles get to the slips of the
 step is the controller's matter."""
 ITERATIONS, LEAST_RESIDUAL = 10, 1e-7
 """Most repetitions of the efforts, which effects of the slip work and errors of the vehicle speed
@@ -41,10 +41,10 @@ SLOWEST = 1.0
 
 @dataclass(frozen=True, slots=True)
 class DriveStart:
-    """State at which steps begin.
+    """State at which steps start.
 
     Attributes:
-        time_s: Time since the drive's begin, s.
+        time_s: Time since the drive's start, s.
         speed: Vehicle speed, m/s.
 
     """
@@ -80,7 +80,7 @@ def predict_drive(
 
     Args:
         steps: Steps one after another.
-        start: State at their begin.
+        start: State at their start.
         setting: Vehicle, train, sensors and noise.
         explanation: Explanation that holds.
 
@@ -129,7 +129,7 @@ def _integrate_speed(slip: Array, begin: float, setting: DriveSetting, model: Mo
 
     Args:
         slip: Slip ratios, shape (n, axles).
-        begin: Speed at the begin, m/s.
+        begin: Speed at the start, m/s.
         setting: Vehicle and train.
         model: Model whose curve gives the force.
 
@@ -159,7 +159,7 @@ def _build_drive(
 
     Args:
         time_s: Times of the grid, s, shape (n,).
-        since_s: Time since the begin of the step, s, shape (n,).
+        since_s: Time since the start of the step, s, shape (n,).
         slip: Slip ratios, shape (n, axles).
         speed: Vehicle speed, m/s, shape (n,).
         sand: Whether sand is strewn, 0 or 1, shape (n,).

@@ -1,4 +1,4 @@
-"""Which explanation is left after the drive that was to tell.
+"""Which explanation is left after the drive that was to decide.
 
 The explanations were there before that drive, so that none is chosen by it and few are compared:
 each is fitted to all drives together, its effects common, the curves of the rails their own. One is
@@ -58,12 +58,12 @@ class RemainingExplanations:
 
     Attributes:
         before: Recordings that left the explanations.
-        by: Recordings that were to tell them apart.
+        by: Recordings that were to distinguish them.
         left: Names of the explanations that are left, the best first; () where the data contradict
             all of them.
         refuted: Explanations that are not.
         winner: Explanation that alone is left; None where several are, or the plain curve.
-        p_value: Probability with which chance alone would part the best from the nearest refuted
+        p_value: Probability with which chance would part the best from the nearest refuted
             one as clearly, by the test that refuted that one.
 
     """
@@ -130,7 +130,7 @@ def find_remaining(
         explanations: Explanations, one at least.
         prepared: Regression on all of these drives.
         before: Recordings that left the explanations.
-        by: Recordings that were to tell them apart.
+        by: Recordings that were to distinguish them.
 
     """
     regression = prepared.regression.last_fit

@@ -1,4 +1,4 @@
-"""Result: the drive that would tell, as plain values."""
+"""Result: the drive that would separate, as plain values."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -26,7 +26,7 @@ class PairDiscrepancy:
 
 @dataclass(frozen=True, slots=True)
 class NextDrive:
-    """The drive that would tell the remaining explanations apart, or why there is none.
+    """The drive that would distinguish the remaining explanations, or why there is none.
 
     Attributes:
         explanations: Names of the explanations.

@@ -1,4 +1,4 @@
-"""Search of the shortest sequence of manoeuvres that tells explanations apart.
+"""Search of the shortest sequence of manoeuvres that distinguishes explanations.
 
 A beam search: sequences are extended by every manoeuvre, and those are kept that promise to reach
 the wanted discrepancy soonest. What a sequence has reached is the least discrepancy of all pairs
@@ -60,7 +60,7 @@ def find_shortest(
 
     Args:
         manoeuvres: Manoeuvres that may be driven.
-        start: State at the begin.
+        start: State at the start.
         limits: Limits of effort, speed and duration.
         wanted: Least discrepancy of all pairs.
         least_s: Least duration, s.

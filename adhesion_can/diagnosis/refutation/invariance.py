@@ -50,7 +50,7 @@ class SizesByEnvironment:
     Attributes:
         partition: Name of the partition.
         parameter: Place of the parameter that varies most among the effect's free ones.
-        labels: Description of each environment that tells something about the size.
+        labels: Description of each environment that shows something about the size.
         sizes: Value of that parameter in each of them, in its unit; shape (k,).
         stds: Standard deviations of the values; shape (k,).
         p_value: P-value of the differences, all partitions and parameters counted.
@@ -225,7 +225,7 @@ def _is_within(values: Array, parameter: Parameter) -> bool:
     """Whether values are within a parameter's range.
 
     The prediction is nearly linear in a size. In a time constant it is not, and a step beyond its
-    range says only that the environment does not tell it.
+    range says only that the environment does not show it.
     """
     return bool(values.min() >= parameter.lower and values.max() <= parameter.upper)
 

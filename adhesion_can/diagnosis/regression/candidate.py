@@ -23,7 +23,7 @@ class Candidate:
         axle: Axle number of an effect at one axle; 0 for the others.
         is_lag: Whether the size is a time or a length by which something lags.
         plausible: Smallest and largest size that the vehicle may have.
-        starts: Values of the further parameters at which a search begins, where the data give
+        starts: Values of the further parameters at which a search starts, where the data give
             them; () for multiples of the typical ones.
 
     """

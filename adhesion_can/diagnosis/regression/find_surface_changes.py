@@ -136,7 +136,7 @@ def build_regression_data(
 
 
 def fit_start_curves(data: RegressionData) -> SegmentCurves:
-    """Curve parameters to begin with: the fit of `identify` to each surface."""
+    """Curve parameters to start with: the fit of `identify` to each surface."""
     return SegmentCurves(np.array([_fit_curve(data, number) for number in range(data.surfaces)]))
 
 

@@ -20,7 +20,7 @@ NEAR_POINTS = 60
 
 
 def fit_family_curves(data: RegressionData, family: CurveFamily) -> SegmentCurves:
-    """Curves of a family to begin with: plain least squares on some rows of each surface."""
+    """Curves of a family to start with: plain least squares on some rows of each surface."""
     observed = [drive.observe() for drive in data.drives]
     slip, adhesion, speed, load = (
         np.concatenate([getattr(one, name) for one in observed])

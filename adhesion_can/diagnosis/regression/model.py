@@ -326,7 +326,7 @@ def compute_signature(
 ) -> Array:
     """Signature of an absent effect: change of the prediction per unit of its size.
 
-    It is a chord and not a derivative, since some effects begin flat.
+    It is a chord and not a derivative, since some effects start flat.
 
     Args:
         data: Rows of all drives.

@@ -99,7 +99,7 @@ def prepare_regression(
 
     Args:
         data: Rows of all drives.
-        start: Curve parameters to begin with.
+        start: Curve parameters to start with.
         block: Block number of each row, negative in rows that are held out; shape (n,).
         candidates: Effects that can be tested.
         block_length_s: Length of a block, s.

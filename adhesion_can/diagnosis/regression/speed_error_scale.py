@@ -1,6 +1,6 @@
 """How large the errors of the vehicle speed are, by what all axles have in common.
 
-The readings of the vehicle speed alone do not tell errors that last for seconds from motion. The
+The readings of the vehicle speed alone do not distinguish lasting errors from motion. The
 adhesion does: such an error shifts the slips of all axles at once, and most where the curve is
 steep. The standard deviation that is most likely for the residuals of a block is that of a random
 effect (Harville, Journal of the American Statistical Association 72 (1977)).

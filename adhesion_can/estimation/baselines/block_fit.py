@@ -80,7 +80,7 @@ def evolution_estimator(
     """Ordinary differential evolution (Storn & Price 1997), DE/rand/1/bin with F = 0.5.
 
     Population, generations, crossover and range are those of `settings`: the paper's algorithm
-    without its two changes, every block searched anew from a population uniform over the range.
+    without its two changes, every block searched again from a population uniform over the range.
 
     Args:
         settings: Settings of the search; `start`, `factor` and `innovation` are not used.
@@ -104,7 +104,7 @@ def scipy_evolution_estimator(
 ) -> BlockEstimator:
     """`scipy.optimize.differential_evolution` on each block.
 
-    SciPy's own strategy ('best1bin', F drawn from 0.5..1 anew for each generation, crossover 0.7,
+    SciPy's own strategy ('best1bin', F drawn from 0.5..1 again for each generation, crossover 0.7,
     Latin hypercube) with the range, population and generations of `settings`. Two defaults of
     SciPy are not used: its stop at a 1 % spread of J, since J has a floor of noise of which 1 % is
     a coarse answer; and its polishing, which is another method (`least-squares`).

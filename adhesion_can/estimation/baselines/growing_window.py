@@ -1,4 +1,4 @@
-"""Least squares over a window that grows while one curve explains it, and then begins anew.
+"""Least squares over a window that grows while one curve explains it, and then starts again.
 
 The window is reset where the residuals of the latest samples exceed its own noise: a chi-square
 test of the variance. Only slips within the window's range are tested, since beyond it a poorly
@@ -103,7 +103,7 @@ class WindowEstimator:
         return self._current
 
     def _reset_where_changed(self) -> bool:
-        """Whether the pending samples contradict the curve; the window then begins anew."""
+        """Whether the pending samples contradict the curve; the window then starts again."""
         if self._current is None or not len(self._window):
             return False
         h, z = self._pending.folded()

@@ -1,12 +1,11 @@
 """The paper's block estimator with standard errors, identifiability, and change detection.
 
-The search is the paper's (`differential_evolution`). What is added is what a controller needs and
-the paper leaves open: whether the peak is identifiable from a block, and which estimate to use when
-it is not. A block without identifiable peak does not replace an estimate with one while the two
-agree.
+The search is the paper's (`differential_evolution`). Additions are needed by a controller and left
+open: whether the peak is identifiable from a block, and which estimate to use when it is not. A
+block without identifiable peak does not replace an estimate with one while the two agree.
 
 In the paper a block never spans a change of the surface. Here a change is detected from the
-innovations of the latest samples, and the block begins anew where it happened. From half of that
+innovations of the latest samples, and the block starts again where it happened. From half of that
 block on the new surface is estimated where its height is identifiable, or where little of the block
 is missing; until then the old values are still given, as not identifiable and with infinite
 standard deviations.
@@ -36,7 +35,7 @@ MOST_SEARCHES = 6
 """Largest number of searches of one block."""
 FIRST_SHARE, WHOLE_SHARE = 0.5, 0.9
 """Shares of the first block on a new surface from which that surface is estimated: where the part
-tells its height, and in any case. A block that begins a few samples behind the change would else be
+shows its height, and in any case. A block that starts a few samples behind the change would else be
 full a whole block later, while the old surface's values are given."""
 SETTLED = 1e-3
 """Relative decrease of J below which a repeated search counts as converged."""
@@ -85,7 +84,7 @@ class PaperEstimator:
         return self._current
 
     def _look_at_first_part(self) -> None:
-        """Estimate a new surface from a part of its first block, where that tells its height."""
+        """Estimate a new surface from a part of its first block, where that shows its height."""
         count = sum(map(len, self._waiting))
         if not self._changing or count < self._next_look:
             return
@@ -117,7 +116,7 @@ class PaperEstimator:
             self._waiting.append(samples)
 
     def _look_for_change(self) -> bool:
-        """Whether the latest samples contradict the estimate; the block begins at the change."""
+        """Whether the latest samples contradict the estimate; the block starts at the change."""
         current, change = self._current, self._change
         if (
             current is None

@@ -170,7 +170,7 @@ def regressors(h: Array, c2: float) -> Array:
 def bounded_minimum(matrix: Array, vector: Array, lower: Array, upper: Array) -> Array:
     """Minimum of xᵀAx/2 − xᵀb in a box, by a simple active-set method.
 
-    The component farthest outside is fixed to its bound for good, and the rest is solved anew (for
+    The component farthest outside is fixed to its bound for good, and the rest is solved again (for
     the general method: Nocedal and Wright, "Numerical Optimization", 2006, section 16.5).
 
     Args:

@@ -106,7 +106,7 @@ class BlockSeries(Stateful):
 
     Args:
         directions: Number of directions.
-        per_surface: Indices of directions that begin anew with each surface.
+        per_surface: Indices of directions that start again with each surface.
 
     """
 

@@ -39,7 +39,7 @@ class Direction(Value):
 
     Attributes:
         name: Name of the direction, unique.
-        doubt: Condition that it stands for.
+        doubt: Condition that it means.
         prior_std: Plausible size, for a prior that is hardly informative.
         group: Directions that are estimated together with this one, by the name of their group.
 

@@ -23,7 +23,7 @@ from adhesion_can.values import Stateful
 
 BURCKHARDT = "burckhardt"
 SPEED_STEP = 0.5
-"""Change of the speed from which the peak is computed anew, m/s."""
+"""Change of the speed from which the peak is computed again, m/s."""
 
 
 class DoubtingTracker(Stateful):
@@ -134,7 +134,7 @@ class DoubtingTracker(Stateful):
     def _pooled(
         self, comparison: FamilyComparison, conditions: Conditions
     ) -> tuple[PeakEstimate, CurveParameters]:
-        """Pooled peak and the Burckhardt curve that has it; anew for another block or speed."""
+        """Pooled peak and the Burckhardt curve that has it; again for another block or speed."""
         key = comparison, round(float(conditions.speed) / SPEED_STEP)
         if self._peak is None or self._peak[0] != key:
             end, leader = self._limits.slip_max, comparison.leader

@@ -68,7 +68,7 @@ def estimate_lasting_errors(
 
 
 def slip_inflation(blocks: ReducedBlocks, scale: int) -> float:
-    """Inflation of the variance by errors of the vehicle speed that last; 1 by chance alone.
+    """Inflation of the variance by errors of the vehicle speed that last; 1 by chance.
 
     Args:
         blocks: Blocks at the pooled curve.

@@ -1,6 +1,6 @@
 """Burckhardt curve fitted to Gram matrices of the slip basis, and its linearisation.
 
-The cost of a curve is a quadratic form in its coefficients, so that a curve can be fitted anew at
+The cost of a curve is a quadratic form in its coefficients, so that a curve can be fitted again at
 any time without the samples.
 """
 
@@ -93,7 +93,7 @@ def fit_curve(gram: Array, score: Array, start: CurveParameters) -> PooledCurve:
     Args:
         gram: Weighted Gram matrix of the slip basis, shape (SIZE, SIZE).
         score: Weighted sums of basis times adhesion, shape (SIZE,).
-        start: Parameters (c1, c2, c3) to begin with.
+        start: Parameters (c1, c2, c3) to start with.
 
     """
     c1, c2, c3 = start

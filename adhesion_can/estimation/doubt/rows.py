@@ -85,7 +85,7 @@ class RowBuilder(Stateful):
         self._since_s: float | None = None
 
     def begin_surface(self) -> None:
-        """Begin a new surface with the next samples."""
+        """Start a new surface with the next samples."""
         self._since_s = None
 
     def build(self, samples: Samples, theta: CurveParameters, noise_std: float) -> Rows:

@@ -1,6 +1,6 @@
 """Which directions the residual lies in: score tests with standard errors from blocks.
 
-The score of a direction is what is left of it after those that are estimated, times the residual.
+The score of a direction is its remainder after those that are estimated, times the residual.
 Its standard error comes from the scatter of the blocks' scores, each block judged without itself
 (jackknife, the HC3 of cluster-robust variances; Bell & McCaffrey, Survey Methodology 28, 2002), and
 counts what neighbouring blocks share. Few blocks may hold most of a direction's information: the

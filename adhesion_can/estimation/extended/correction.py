@@ -46,7 +46,7 @@ def require_channels(
         model: Extended model.
         available: Names of the available channels.
         source: Source that lacks the channel, for the error.
-        mend: Way to mend it, for the error.
+        mend: Way to fix it, for the error.
 
     """
     present = set(available)
@@ -114,7 +114,7 @@ def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
 
     Args:
         model: Extended model.
-        samples: Samples of the table; a speed or a load of 1 stands for a missing column.
+        samples: Samples of the table; a speed or a load of 1 means a missing column.
         where: Name of the table, for the error.
 
     """
@@ -190,7 +190,7 @@ def find_usual_factor(
     Args:
         samples: Samples in the order of their stamps, at least one.
         actives: Effects in the contact with their values.
-        origin_us: Stamp of the begin of the drive, µs.
+        origin_us: Stamp of the start of the drive, µs.
         axles: Number of axles of the vehicle.
 
     """
@@ -211,7 +211,7 @@ def scale_to_usual(
     Args:
         samples: Samples in the order of their stamps, at least one.
         actives: Effects in the contact with their values.
-        origin_us: Stamp of the begin of the drive, µs.
+        origin_us: Stamp of the start of the drive, µs.
         axles: Number of axles of the vehicle.
 
     """
@@ -238,7 +238,7 @@ def remove_effects(
     Args:
         samples: Samples in the order of their stamps.
         actives: Effects in the contact with their values.
-        origin_us: Stamp of the begin of the drive, µs.
+        origin_us: Stamp of the start of the drive, µs.
         axles: Number of axles of the vehicle.
         lags: Lag states of the effects, continued from step to step. Variances follow those lags of
             the slip that `SlipLags` knows.

@@ -27,7 +27,7 @@ POINTS = 96
 """Number of points of the slip grid, evenly spaced in its logarithm."""
 _SHARES = np.linspace(0.0, 1.0, POINTS)
 LOWEST = 0.05
-"""Slip at which the grid begins, as a share of the base curve's λ_m."""
+"""Slip at which the grid starts, as a share of the base curve's λ_m."""
 UNUSUAL = 2.0
 """Ratio of the usual factor to 1, either way, from which it counts."""
 _SIZES = np.geomspace(1e-3, 0.5, 24)

@@ -30,7 +30,7 @@ sand. What lasts longer is another surface."""
 TEMPERING = 4.0
 """Variance of an update's mean residual over that of independent errors."""
 KNOWN = 0.1
-"""Relative standard deviation of μ_max up to which the base curve can tell the values apart."""
+"""Relative standard deviation of μ_max up to which the base curve can distinguish the values."""
 SUSPECTED, SURE = 2.0, 16.0
 """Logarithms of the likelihood ratio from which samples count little, and from which the other
 value holds."""

@@ -19,7 +19,7 @@ SLIP_EDGES: Array = np.geomspace(5e-4, 0.5, 41)
 SPEED_STEP = 3.0
 """Width of the speed bins, m/s."""
 SPEEDS = 40
-"""Number of speed bins; the last one holds all that is faster."""
+"""Number of speed bins; the last one includes higher speeds."""
 SLIPS = len(SLIP_EDGES) + 1
 COUNT, SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR, SLIP_SQUARE = range(8)
 """Rows of the sums."""

@@ -165,7 +165,7 @@ class FamilyTracker(Stateful):
         self._count = 0
 
     def restart(self) -> None:
-        """Begin a new surface."""
+        """Start a new surface."""
         self._fits, self._inflation, self._count = {}, FIRST_INFLATION, 0
 
     def compare(

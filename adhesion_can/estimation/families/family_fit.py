@@ -114,7 +114,7 @@ def fit_family(points: BinPoints, family: CurveFamily, start: Array, inflation: 
     Args:
         points: Points of the curve.
         family: Family of the curve.
-        start: Coordinates to begin with, shape (k,).
+        start: Coordinates to start with, shape (k,).
         inflation: Factor of the points' variances by errors that last.
 
     """

@@ -17,7 +17,7 @@ SLIP_SHARE, LEVEL_SHARE = 0.08, 0.03
 """Offset of the slips as a share of λ_m, and of the adhesion below and above half of it as a
 share of μ_max, up to which samples agree; the former with two of its standard deviations."""
 LOW, LEAST_LOW = 0.5, 0.1
-"""Slip below which samples tell an offset, as a share of λ_m, and share of samples that must."""
+"""Slip below which samples show an offset, as a share of λ_m, and share of samples that must."""
 COASTING = 0.02
 """Adhesion below which wheels run as the vehicle does on every rail."""
 COASTING_SLIP = 0.002
@@ -33,7 +33,7 @@ class Agreement(Stateful):
         self._coasted: deque[float] = deque(maxlen=UPDATES)
 
     def begin(self, curve: CurveBefore | None) -> None:
-        """Begin anew with the curve from before the objection; None where none was known."""
+        """Start again with the curve from before the objection; None where none was known."""
         self._curve = curve
         self._sums.clear()
         self._coasted.clear()

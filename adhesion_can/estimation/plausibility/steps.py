@@ -115,7 +115,7 @@ class Asked(NamedTuple):
     slip: Array
 
     def is_answered(self, mu: Array, slip: Array) -> bool:
-        """Whether slips have moved as the curve says, or nobody can tell.
+        """Whether slips have moved as the curve says, or nothing shows it.
 
         Args:
             mu: Adhesion of the axles after the step, shape (n,).

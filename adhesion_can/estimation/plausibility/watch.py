@@ -10,7 +10,7 @@ contradicts that is an instrument, whatever curve fits its numbers afterwards:
 - all efforts jump, and neither slips nor the vehicle answer (`EFFORTS_JUMP`); all loads jump
   (`LOADS_JUMP`), or are far from the static ones (`LOADS_OFF`).
 
-After a jump nobody knows what the readings mean, so the objection stands until they agree with the
+After a jump nobody knows what the readings mean, so the objection holds until they agree with the
 curve from before it, or coasting shows that wheels and vehicle run alike. How far a speed leaves
 its course on a sound drive is learned from the drive.
 """
@@ -51,9 +51,9 @@ LEAST_KNOWN = 200
 FOLLOWED = 0.5
 """Share of the deviation of the vehicle speed that the wheels follow where the vehicle moves so."""
 LEAST_SPEED_JUMP = 0.002
-"""Deviation of the vehicle speed that is told at least, as a share of it."""
+"""Deviation of the vehicle speed that is reported at least, as a share of it."""
 LEAST_WHEEL_JUMP = 0.003
-"""Step of most wheel speeds that is told at least, as a share of them."""
+"""Step of most wheel speeds that is reported at least, as a share of them."""
 ANSWER_CYCLES = 10
 """Number of cycles that wheels are given to answer a step of the efforts."""
 TELLING = 4.0
@@ -64,7 +64,7 @@ LOADS_JUMPED = 0.15
 ABSURD = 100.0
 """Adhesion from which a sample has none."""
 LONGEST_GAP_CYCLES = 5.0
-"""Pause, in usual cycles, after which a course begins anew."""
+"""Pause, in usual cycles, after which a course starts again."""
 HISTORY = 15
 """Number of updates by which the curve from before a step is older than its objection."""
 
@@ -155,7 +155,7 @@ class PlausibilityWatch(Stateful):
         return Objection.NONE
 
     def _forgive(self) -> None:
-        """Withdraw the objection by a jump; courses begin anew."""
+        """Withdraw the objection by a jump; courses start again."""
         self.jump = Objection.NONE
         self._speeds.clear()
         self._steps.clear()
@@ -283,7 +283,7 @@ class PlausibilityWatch(Stateful):
         return Objection.NONE
 
     def _is_driven(self, number: int, sigmas: float) -> bool:
-        """Whether the vehicle moves as the forces since a step say; not where nobody can tell.
+        """Whether the vehicle moves as the forces since a step say; not where nothing shows it.
 
         Args:
             number: Number of the window, as long as the time since the step.

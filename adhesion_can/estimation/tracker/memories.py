@@ -42,7 +42,7 @@ LAG_SIGNIFICANCE = 2.0
 LEAST_NEW_SHARE = 0.03
 """Least share of samples that are new since the last draw, for another draw."""
 LEAST_KEPT_SHARE = 0.7
-"""Share of the samples at the last draw below which the curves are drawn anew, wider."""
+"""Share of the samples at the last draw below which the curves are drawn again, wider."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful
 
 TELLING = 8.0
-"""Slip from which an update tells surfaces apart, in standard deviations of its error."""
+"""Slip from which an update distinguishes surfaces, in standard deviations of its error."""
 COASTING_S = 0.1
 """Time constant of the means by which an axle is coasting, s."""
 
@@ -49,13 +49,13 @@ def carries_information(
 ) -> NDArray[np.bool_]:
     """Whether slip or adhesion exceeds its error by far, shape (n,).
 
-    Where neither does, in coasting, a sample only shows that the curve begins at 0, which is known.
+    Where neither does, in coasting, a sample only shows that the curve starts at 0, which is known.
     """
     return np.asarray((slip * slip >= FAR * slip_var) | (adhesion * adhesion > FAR * adhesion_var))
 
 
 def shows_surface(samples: Samples) -> bool:
-    """Whether the slips of an update are sure enough to tell one surface from another.
+    """Whether the slips of an update are sure enough to distinguish one surface from another.
 
     Where they are not, all that the samples show is the slope at zero, through errors that axles
     share and that a curve of another slope explains in part.

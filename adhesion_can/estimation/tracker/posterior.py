@@ -1,6 +1,6 @@
 """Posterior of a curve given the sums of a segment, by importance sampling.
 
-A set of curves is drawn once, and only weighted anew as sums grow: J of every curve is linear in
+A set of curves is drawn once, and only weighted again as sums grow: J of every curve is linear in
 the sums. The draws come from an approximation of the posterior on a grid (`proposal`). The
 importance weights correct the rest, so that many data, few, and a multimodal prior need no case of
 their own.

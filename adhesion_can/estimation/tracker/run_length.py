@@ -99,7 +99,7 @@ class RunLengthHypotheses(Stateful):
         return self._since_us
 
     def add(self, update: Evidence, t_us: int) -> None:
-        """Add an update to all hypotheses, and a hypothesis that begins with it.
+        """Add an update to all hypotheses, and a hypothesis that starts with it.
 
         Args:
             update: Samples of the update.
@@ -114,7 +114,7 @@ class RunLengthHypotheses(Stateful):
         self._old_cost[:, : self._count] += update.old_cost[:, None]
 
     def close(self, accepted: int, latest: Evidence, noise_var: float) -> None:
-        """Add a last hypothesis after a detected change: it begins with the next update.
+        """Add a last hypothesis after a detected change: it starts with the next update.
 
         The latest update may hold samples of both surfaces. For this hypothesis the update belongs
         to neither: it costs the expectation by noise, and a little for leaving it out.

@@ -72,7 +72,7 @@ MAX_NOISE_SAMPLES = 20.0
 """Largest weight of the noise estimate on a new surface, samples: noise is the sensors'."""
 NOISE_KNOWN_US = 2_000_000
 """Time after the first sample of all from which the noise of the slips is known, µs: before that
-what the sensors do cannot be told from another surface."""
+what the sensors do cannot be distinguished from another surface."""
 NOT_REACHED = 0.32
 """Error of μ_max beside the posterior's standard deviation while the peak is not reached, which
 makes that 1.05 times as large. The posterior takes the slips as chosen whatever the surface; but

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from adhesion_can.physics.curves.base import Conditions, CurveFamily, Values
 
 SMALLEST = 1e-6
-"""Slip ratio at which the search begins; a peak below it counts as none."""
+"""Slip ratio at which the search starts; a peak below it counts as none."""
 
 _SCAN = 160
 """Points of the scan for the highest part of the curve, 9 % apart."""

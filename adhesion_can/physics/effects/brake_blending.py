@@ -24,7 +24,7 @@ class BlendingLaw:
 
     The vehicle brakes where the effort of all axles does, or that of the axle where not all are
     known. Below the speed the share is on a straight line. Where the motors fade out before the
-    vehicle stands, the line meets a share of 1 at that speed, and is above 1 at rest.
+    vehicle stops, the line meets a share of 1 at that speed, and is above 1 at rest.
     """
 
     share: float

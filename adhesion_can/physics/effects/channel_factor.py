@@ -1,7 +1,7 @@
 """Adhesion changes with a channel that the user brought: a column of a table, or a signal.
 
 It is no member of `EFFECTS`: there is one for every such channel, and its id names the channel. A
-column of few values has a step at each of them, as a number that stands for a kind of surface has
+column of few values has a step at each of them, as a number that means a kind of surface has
 no order.
 """
 
@@ -16,7 +16,7 @@ from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
 
 PREFIX = "channel:"
-"""Begin of the id of all channel effects."""
+"""Start of the id of all channel effects."""
 LINEAR, STEP = "", "step"
 """Forms: a factor that is linear in the channel, and one at a single value of it."""
 TYPICAL = 0.1

@@ -74,7 +74,7 @@ class HeatGainLaw:
     covariates: tuple[str, ...] = ()
 
     def error(self, situation: Situation, lags: LagStates) -> ReadingError:
-        """Error of the readings; a recording begins with cold motors.
+        """Error of the readings; a recording starts with cold motors.
 
         Efforts as read are too large themselves, by what the heat of the true ones makes them.
         """

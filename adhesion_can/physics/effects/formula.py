@@ -331,7 +331,7 @@ def formula_of(
 def parse_formula(text: str) -> AnyFormula:
     """Formula as a user writes it: '[ACTS ON:] EXPRESSION where a=0.1, b=5', the size first.
 
-    The values are where the search for the constants begins. Without what it acts on it is the
+    The values are where the search for the constants starts. Without what it acts on it is the
     factor of the adhesion.
 
     Raises:

@@ -28,7 +28,7 @@ class FoundObjects:
 
     Attributes:
         starts: Places of the objects, shape (n,).
-        end: Place behind the last whole object: an object that begins there is not whole.
+        end: Place behind the last whole object: an object that starts there is not whole.
         size: Size that this object claims, bytes; 0 where its head is not whole.
         broken: Number of places at which bytes were passed over.
 
@@ -44,7 +44,7 @@ def find_objects(data: bytes, stop: int) -> FoundObjects:
     """The objects that follow each other in some contents.
 
     Args:
-        data: Contents, whose first object begins within their first bytes, and other bytes.
+        data: Contents, whose first object starts within their first bytes, and other bytes.
         stop: Length of the contents, bytes.
 
     """

@@ -13,7 +13,7 @@ from adhesion_can.recordings.frame_rows import FrameCounter, NumberedBuses, bus_
 def read_blf(
     read: Callable[[int], bytes], report: ReadReport, length: int | None, size: int
 ) -> Iterator[Block]:
-    """Frames of a .blf file; whatever is damaged is passed over, and told in the report.
+    """Frames of a .blf file; whatever is damaged is passed over, and reported in the report.
 
     Args:
         read: Function that gives the next bytes of the file, fewer than asked for at its end.

@@ -1,4 +1,4 @@
-"""Bytes of a .blf file, one after the other, and the marks among them with which objects begin."""
+"""Bytes of a .blf file, one after the other, and the marks among them with which objects start."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ MARK = b"LOBJ"
 PIECE = 1 << 18
 """Bytes read and unpacked at once, however large a container claims to be."""
 ROOM = 8
-"""Bytes behind an object in which the next one begins."""
+"""Bytes behind an object in which the next one starts."""
 
 
 class StoredBytes:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Words = NDArray[np.uint64]
 
 WORD = np.dtype("<u8")
-"""A word as it stands in a file: its first byte is the lowest on every machine."""
+"""A word as written in a file: its first byte is the lowest on every machine."""
 
 
 def _each(byte: int) -> np.uint64:

@@ -50,7 +50,7 @@ class Layout:
         letters: Number of characters of the name.
         digits: Number of hex digits of the id; 0 in a mark.
         hexes: Words of hex digits (the id, and the flags of CAN FD), as (offset, mask).
-        tail: Characters behind the payload; ' R' stands for ' T' too.
+        tail: Characters behind the payload; ' R' means ' T' too.
 
     """
 

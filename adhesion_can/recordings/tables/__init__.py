@@ -1,1 +1,1 @@
-"""Tables of samples: what files of columns hold, and which column is what."""
+"""Tables of samples: what files of columns hold, and what each column means."""

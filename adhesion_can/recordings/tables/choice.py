@@ -1,4 +1,4 @@
-"""Which column of a table is what: names, units, signs and delays that a user states."""
+"""Meaning of each column of a table: names, units, signs and delays that a user states."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,10 +30,10 @@ COLUMN_UNITS: Mapping[str, Mapping[str, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class ColumnChoice:
-    """A column of a table that stands for a known one.
+    """A column of a table that means a known one.
 
     Attributes:
-        name: Known name, such as 'slip'; or any name for a channel of one's own.
+        name: Known name, such as 'slip'; or any name for your own channel.
         column: Heading of the column in the file, without its unit.
         unit: Unit of the values in the file; None: as the file states it, else that of `name`.
         sign: 1, or −1 where the column counts the other way.

@@ -54,7 +54,7 @@ def read_csv(path: Path, wanted: Collection[str] = ()) -> Columns:
 
     Raises:
         TableError: The file cannot be read, is not CSV, has a row of another length, a name that
-            stands twice, or numbers that may be read in two ways.
+            occurs twice, or numbers that may be read in two ways.
 
     """
     text = read_text(path)

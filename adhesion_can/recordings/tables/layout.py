@@ -1,6 +1,6 @@
-"""Where the heading of a text table stands, and what parts its cells.
+"""Where the heading of a text table is, and what parts its cells.
 
-Tables of spreadsheets and loggers begin with a title, with lines about the rig, with comment; below
+Tables of spreadsheets and loggers start with a title, with lines about the rig, with comment; below
 the names there may be a line of units and one of kinds. What parts the cells is a comma, a
 semicolon, a tab, a bar or spaces. Line numbers are those of the file.
 """
@@ -94,7 +94,7 @@ def find_layout(text: str, wanted: Collection[str] = ()) -> Layout:
 def rows_of(text: str, layout: Layout) -> Iterator[Row]:
     """Rows below the heading and its units that have a cell; comment lines among them are not.
 
-    A line that begins as comment does is a row where it has as many cells as the heading.
+    A line that starts as comment does is a row where it has as many cells as the heading.
     """
     width = len(layout.heading)
     lines = io.StringIO(text, newline="")

@@ -23,7 +23,7 @@ the segments lie over each other: their clocks are not one."""
 def sort_rows(columns: Columns) -> Columns:
     """Columns with their rows in the order of time, and a note where the file had another.
 
-    Where segments lie over each other in time, because the clock begins anew in each, the rows of
+    Where segments lie over each other in time, because the clock starts again in each, the rows of
     each stay together, in the order of the segments' numbers or names. Rows without a finite time
     come last. A table without a numeric `time_s` has no order, and keeps its own.
 

@@ -76,7 +76,7 @@ def read_times(cells: Sequence[str], where: str) -> tuple[Array, str]:
         empty, shape (n,); and a sentence.
 
     Raises:
-        TableError: A cell is none of these, or its day and month may be the other way about.
+        TableError: A cell is neither, or its day and month may be the other way about.
 
     """
     filled = [cell for cell in cells if not has_no_value(cell)]
@@ -171,7 +171,7 @@ def _seconds(it: re.Match[str]) -> float:
 
 
 def _past_midnight(seconds: Array) -> Array:
-    """Times of the day that run on where the next day begins."""
+    """Times of the day that run on where the next day starts."""
     days, found, last = 0, seconds.copy(), np.nan
     for place, second in enumerate(seconds.tolist()):
         if second - last < -DAY_S / 2:
@@ -182,7 +182,7 @@ def _past_midnight(seconds: Array) -> Array:
 
 
 def _of_magnitude(numbers: Array, where: str) -> tuple[Array, str]:
-    """Seconds of a count since 1970 whose unit its size tells; a sentence where it is no second."""
+    """Seconds of a count since 1970 whose unit its size shows; a sentence where it is no second."""
     finite = numbers[np.isfinite(numbers)]
     if not len(finite) or (size := float(np.median(np.abs(finite)))) < TIME_LIMIT_S:
         return numbers, ""

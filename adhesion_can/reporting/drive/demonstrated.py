@@ -19,7 +19,7 @@ def demo_texts(
     """Texts of the page of the demo.
 
     Args:
-        truth: Truth of the simulated drive, as its file has it.
+        truth: Truth of the simulated drive, as written.
         found: Surfaces with the estimates on them.
         core: Core after the drive.
         provenance: Version, hashes and command by name.

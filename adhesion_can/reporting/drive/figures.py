@@ -40,7 +40,7 @@ STATUS_COLOURS: Mapping[Status, str] = {
     Status.STALE_INPUT: ORANGE,
     Status.FAULT: RED,
 }
-"""Colour of each status; its name stands beside it."""
+"""Colour of each status; its name is next to it."""
 KMH = 3.6
 """Kilometres per hour in a metre per second."""
 MOST_LINES = 150

@@ -21,7 +21,7 @@ MOST_CHANGES = 2000
 
 @dataclass(frozen=True, slots=True)
 class StateChange:
-    """Begin of a span with one status, one doubt and one objection.
+    """Start of a span with one status, one doubt and one objection.
 
     Attributes:
         t_us: Stamp of the first setpoint of the span, µs.
@@ -46,7 +46,7 @@ class DriveRecord:
     Attributes:
         history: Setpoints in bins of time.
         surfaces: Surfaces in the order of their times.
-        changes: First changes of status, doubt or objection, the begin of the drive included.
+        changes: First changes of status, doubt or objection, the start of the drive included.
         change_count: Number of all of them.
         statuses: Number of setpoints by status.
         doubts: Number of setpoints by doubt.
@@ -127,7 +127,7 @@ class DriveRecorder:
 
 
 class NoRecorder:
-    """Stands for a recorder where no report is asked for: it keeps nothing."""
+    """Takes the place of a recorder where no report is asked for: it keeps nothing."""
 
     def add(self, t_us: int, outputs: Outputs) -> None:
         """Add the setpoint of a due time, µs."""

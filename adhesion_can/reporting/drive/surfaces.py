@@ -1,4 +1,4 @@
-"""Surfaces of a drive as the service told them apart, each with its last curve and its data."""
+"""Surfaces of a drive as the service distinguished them, each with its last curve and its data."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ MOST_CLOUDS = 24
 CHUNK = 4096
 """Number of samples that wait before they are sorted in."""
 SETTLED_US = 5_000_000
-"""Time for which samples wait: a change of the surface is told after it happened, µs."""
+"""Time for which samples wait: a change of the surface is reported after it happened, µs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class Surface:
     """Span of a drive on one surface.
 
     Attributes:
-        from_us: Stamp of its begin, as the service dated it, µs.
+        from_us: Stamp of its start, as the service dated it, µs.
         to_us: Stamp of its last setpoint, µs.
         to_m: Distance travelled at its last setpoint, m.
         last: Outputs of its last setpoint with a curve.
@@ -82,7 +82,7 @@ class Surface:
 
 
 class SurfaceRecorder:
-    """Tells the surfaces of a drive by the age that the setpoints state, and keeps their samples.
+    """Reports the surfaces of a drive by the age that the setpoints state, and keeps their samples.
 
     Args:
         slip_max: Largest slip ratio that the estimator uses.
@@ -114,11 +114,11 @@ class SurfaceRecorder:
         self._surfaces[-1] = Surface(begin_us, t_us, distance, outputs)
 
     def _begin(self, since_us: int, t_us: int) -> None:
-        """Begin a surface, or date the present one anew.
+        """Start a surface, or date the present one again.
 
-        A change is told some time after it happened, and its date may be corrected by the next
-        setpoints. So a date before the present surface was told is one of the present surface; the
-        begin of the surface before it takes that one up again.
+        A change is reported some time after it happened, and its date may be corrected by the next
+        setpoints. So a date before the present surface was reported is one of the present surface;
+        the start of the surface before it takes that one up again.
         """
         known, continued = self._surfaces, self._since_us is not None
         if continued and since_us <= self._told_us:

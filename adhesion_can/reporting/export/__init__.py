@@ -53,14 +53,14 @@ __all__ = [
 
 
 class Writer:
-    """Writes rows as they come; a group begins with its first rows."""
+    """Writes rows as they come; a group starts with its first rows."""
 
     def __init__(self, path: Path, sink: Sink) -> None:
         self._path = path
         self._sink = sink
 
     def begin(self, t_ns: int) -> None:
-        """Set the begin of the recording, ns, from which the time of MF4 counts.
+        """Set the start of the recording, ns, from which the time of MF4 counts.
 
         So files with different rows of one recording have one time base. To be called before the
         first rows; without it, time counts from the first row.

@@ -27,7 +27,7 @@ _EXACT = 1 << 53
 class ArrowLong:
     """Writes rows (time, bus, message, signal, value, unit), in the order of the recording.
 
-    A stream has one schema, and which messages will come is not known at its begin. So the schema
+    A stream has one schema, and which messages will come is not known at its start. So the schema
     is the same for every database: a value is a float, and names are codes of dictionaries, which
     grow as messages turn up.
 
@@ -131,7 +131,7 @@ class ArrowLong:
         return values
 
     def _write_file(self, part: BinaryIO, whole: BinaryIO) -> None:
-        """Write the stream once more, with dictionaries that hold for all of it from the begin."""
+        """Write the stream once more, with dictionaries that hold for all of it from the start."""
         finished = {name: self._names[name].texts() for name in _TEXTS}
         with (
             pa.ipc.open_stream(part) as stream,
@@ -192,6 +192,6 @@ def _options() -> Any:
 def open_sink(
     path: Path, origin: Mapping[str, str], _groups: Sequence[Group], _decimals: int
 ) -> ArrowLong:
-    """Begin a file, or a stream where its name ends in .arrows, '-' for stdout; a `SinkOpener`."""
+    """Start a file, or a stream where its name ends in .arrows, '-' for stdout; a `SinkOpener`."""
     stdout = str(path) == "-"
     return ArrowLong(None if stdout else path, origin, as_file=path.suffix.lower() == ".arrow")

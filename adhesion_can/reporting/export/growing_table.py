@@ -23,7 +23,7 @@ class TableFormat(Protocol):
     """How a format writes a table."""
 
     def open(self, file: BinaryIO, groups: Sequence[Group]) -> PartFile:
-        """Begin a file with the columns of some groups."""
+        """Start a file with the columns of some groups."""
 
     def join(
         self, parts: Sequence[tuple[Temporary, int]], file: BinaryIO, groups: Sequence[Group]
@@ -35,7 +35,7 @@ class GrowingTable:
     """Writes a table whose columns become known as it is written.
 
     The messages in a recording are known only at its end, and a column for every signal of a large
-    database would be mostly empty. So a new part of the file begins with each new group, and the
+    database would be mostly empty. So a new part of the file starts with each new group, and the
     parts are joined at the end. Nearly always all groups stand in the first rows: one part then.
 
     Args:

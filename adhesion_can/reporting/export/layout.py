@@ -134,10 +134,10 @@ class Frames(NamedTuple):
 
 
 class Sink(Protocol):
-    """A file in the making; a group begins with its first rows."""
+    """A file in the making; a group starts with its first rows."""
 
     def begin(self, t_ns: int) -> None:
-        """Set the begin of the file's time, if it counts from a start."""
+        """Set the start of the file's time, if it counts from a start."""
 
     def write(self, rows: Sequence[Rows], frames: Frames | None = None) -> None:
         """Append rows; `Rows.position` is their order.
@@ -164,7 +164,7 @@ class SinkOpener(Protocol):
     def __call__(
         self, path: Path, origin: Mapping[str, str], groups: Sequence[Group], decimals: int, /
     ) -> Sink:
-        """Begin a file.
+        """Start a file.
 
         Args:
             path: Path of the finished file.

@@ -207,5 +207,5 @@ def _property(field: Field) -> dict[str, str]:
 def open_sink(
     path: Path, origin: Mapping[str, str], _groups: Sequence[Group], _decimals: int
 ) -> McapFile:
-    """Begin an MCAP file; a `SinkOpener`."""
+    """Start an MCAP file; a `SinkOpener`."""
     return McapFile(path, origin)

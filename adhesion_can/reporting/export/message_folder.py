@@ -66,7 +66,7 @@ class MessageFolder:
     Args:
         path: Path of the folder; made where it is not there.
         suffix: Suffix of the files.
-        open_file: Function that begins a file for a message.
+        open_file: Function that starts a file for a message.
         origin: Version, inputs and the like, by name, for the list of files.
 
     Raises:

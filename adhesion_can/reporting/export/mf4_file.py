@@ -212,5 +212,5 @@ def _comment(field: Field) -> str:
 def open_sink(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
 ) -> Mf4File:
-    """Begin an MF4 file; a `SinkOpener`."""
+    """Start an MF4 file; a `SinkOpener`."""
     return Mf4File(path, origin, groups)

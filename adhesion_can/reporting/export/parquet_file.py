@@ -43,7 +43,7 @@ class ParquetFormat:
         self.origin = dict(origin)
 
     def open(self, file: BinaryIO, groups: Sequence[Group]) -> "ParquetPartFile":
-        """Begin a file with the columns of some groups."""
+        """Start a file with the columns of some groups."""
         return ParquetPartFile(file, groups, self)
 
     def join(
@@ -180,5 +180,5 @@ def _widened(table: Any, schema: Any) -> Any:
 def open_sink(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
 ) -> GrowingTable:
-    """Begin a Parquet file; a `SinkOpener`."""
+    """Start a Parquet file; a `SinkOpener`."""
     return GrowingTable(path, ParquetFormat(not groups, origin), groups)

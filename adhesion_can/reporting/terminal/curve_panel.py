@@ -177,7 +177,7 @@ def _strip(
     columns: int,
     rows: int,
 ) -> list[Text]:
-    """One quantity over time; its axis begins at 0."""
+    """One quantity over time; its axis starts at 0."""
     canvas = Canvas(columns, rows)
     known = [value for value, _ in values if value is not None]
     end = nice_ceiling(1.25 * max(known, default=0.0)) if known else 1.0

@@ -47,7 +47,7 @@ DIGITS = 6
 
 
 def as_json(snapshot: Snapshot) -> dict[str, Any]:
-    """Object of one snapshot, SI units; None stands for 'not available' and for 'not known'.
+    """Object of one snapshot, SI units; None means 'not available' and for 'not known'.
 
     Times are exact to the microsecond, measured values have six digits.
     """

@@ -79,7 +79,7 @@ def message_panel(
     first_row: int = 0,
     key: str = "",
 ) -> list[Text]:
-    """Age, rate and faults of the messages; what is in trouble stands first where room is short.
+    """Age, rate and faults of the messages; messages in trouble come first where room is short.
 
     Args:
         snapshot: What is shown.
@@ -153,7 +153,7 @@ def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
 
 
 def _shortened(name: str, width: int) -> str:
-    """The name in a number of cells; of a longer one begin and end, which mostly has the number."""
+    """The name in a number of cells; of a longer one start and end, which mostly has the number."""
     if cell_len(name) > width:
         end = name[-3:] if cell_len(name[-3:]) <= 3 else name[-1:]
         name = f"{set_cell_size(name, width - 2 - cell_len(end))}..{end}"
@@ -202,7 +202,7 @@ def _objection(objection: Objection) -> dict[str, str]:
 
 
 def _entry(name: str, text: str, width: int) -> list[str]:
-    """Lines of a named text; one that is too long goes on below, where its first line begins."""
+    """Lines of a named text; one that is too long goes on below, where its first line starts."""
     first = f"{name:{ENTRY}}"
     return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=" " * ENTRY)
 

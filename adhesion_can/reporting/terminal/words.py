@@ -48,7 +48,7 @@ SHOWN_SILENT = 4
 
 
 def sentences(snapshot: Snapshot) -> list[Text]:
-    """All that is to be said, the most important first."""
+    """All sentences, the most important first."""
     return list(_sentences(snapshot))
 
 

@@ -18,7 +18,7 @@ LANES = 16
 """Number of partial sums over curves: curve k goes to sum k modulo `LANES`, and they are added up
 one after the other."""
 NONE: Array = np.empty(0)
-"""Stands for an argument that is not given."""
+"""Placeholder of an argument that is not given."""
 ADHESION_MAX = 5.0
 """Largest adhesion of a usable sample; larger ones are faults."""
 COASTING_AGE_S = 0.5
