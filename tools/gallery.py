@@ -122,10 +122,11 @@ Apache-2.0).
 """)
     case.run(
         f"identify {points.name} --curve all --json fit.json",
-        r"^ (curve|polach|free|burckhardt|magic|pooled|of the rail)|cannot tell|In Polach|form",
+        r"^ (curve|polach|free|burckhardt|magic|pooled|of the rail)"
+        r"|cannot distinguish|In Polach|form",
     )
     curves = json.loads((case.folder / "fit.json").read_text())["curves"]
-    case.run(f"diagnose {points.name}", r"^(Named|Nothing|Cannot|Unexplained|Gain|The peak|- )")
+    case.run(f"diagnose {points.name}", r"^(Named|Nothing|Undecided|Unexplained|Gain|The peak|- )")
     table = columns(points)
     slip, adhesion = table["slip"], table["adhesion"]
     hand, rmse = by_hand(burckhardt, slip, adhesion, (0.3, 200.0, 0.5))
@@ -160,7 +161,7 @@ Apache-2.0).
     case.picture("eurosprinter", draw, "Points, a fit by hand and a computed curve")
     case.say("""
 **No help**: the points scatter by 8 % about any curve, and at small slip their error is as
-large as the slip. No fit of them tells the peak's place to better than a quarter.
+large as the slip. No fit of them gives the peak's place to better than a quarter.
 """)
 
 
@@ -178,7 +179,7 @@ permission, via teasit/magic-formula-tyre-library; not part of the repository).
 """)
     case.run(
         "diagnose straight.csv --extended model.toml",
-        r"^(Named|Nothing|Cannot|Unexplained|Gain|What is left|- )",
+        r"^(Named|Nothing|Undecided|Unexplained|Gain|The residual depends|- )",
     )
     case.run("evaluate straight.csv --model model.toml", r"^ data |straight|all|model|curve")
     slip, load = rows["slip"], rows["normal_load_N"]
@@ -230,7 +231,7 @@ passenger, rows above 3 m/s without brake pressure and steering (ZTBus, Widmer, 
     case.run("check B183.csv", r"^(NOT|FOUND|verdict)")
     case.run(
         "diagnose B183.csv --holdout B208.csv",
-        r"^(Named|Nothing|Cannot|Unexplained|Gain|Not tested: (speed_delay|creep))",
+        r"^(Named|Nothing|Undecided|Unexplained|Gain|Not tested: (speed_delay|creep))",
     )
     table = tables["named"]
     adhesion = table["longitudinal_force_N"] / table["normal_load_N"]
@@ -246,7 +247,7 @@ passenger, rows above 3 m/s without brake pressure and steering (ZTBus, Widmer, 
     case.picture("trolleybus", draw, "Adhesion by slip of a trolleybus in service")
     case.say("""
 **No help**: the wheels use 1.5 % of slip at most, so the peak is not in the data; with a row a
-second neither delays nor relaxation can be told, and how the force divides between the axles in
+second neither delays nor relaxation can be found, and how the force divides between the axles in
 traction and in braking is not known: the asymmetry that is named may be that.
 """)
 

@@ -238,7 +238,7 @@ def main() -> int:
         "--record",
         type=Path,
         metavar="FILE",
-        help="keep what was judged, and go on there where the command was stopped; histories of "
+        help="keep the judged part, and continue there where the command was stopped; histories of "
         "another code or rate of faults are run again",
     )
     options = parser.parse_args()
@@ -282,7 +282,7 @@ def tell(soak: Soak, found: Found, *, is_stopped: bool) -> bool:
     print(f"{soak.hours:g} h of simulated time, {soak.per_minute:g} faults a minute")
     if is_stopped:
         done = f"{found.histories / AN_HOUR:.2f} h of histories, {len(found.memory)} h of one"
-        print(f"  STOPPED before the end, after {done} service: the figures are of these")
+        print(f"  STOPPED before the end, after {done} service: the figures cover these")
     if found.histories:
         what = f"of {found.histories} histories of {HISTORY_S} s, those in which a rule was broken"
         report.at_most(what, found.broken, 0, "d")

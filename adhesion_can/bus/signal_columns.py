@@ -187,7 +187,7 @@ class _Selectors:
                 continue
             obstacle = _obstacle(signal, message.length)
             if signal.name in self.signals:
-                obstacle = "stands twice"
+                obstacle = "is defined twice"
             if obstacle:
                 self.obstacle = f"multiplexer {signal.name}: {obstacle}"
                 return

@@ -33,7 +33,7 @@ def differs(axle: AxleRadius, result: Calibration) -> bool | None:
 
 
 def agreement_dict(result: Calibration) -> dict[str, Any]:
-    """Agreement of each axle and of all that were tested, as JSON has it."""
+    """Agreement of each axle and of all tested axles, as JSON has it."""
     found = {axle.axle: differs(axle, result) for axle in result.axles}
     return {
         "agrees_with_configuration": not any(found.values()),

@@ -189,7 +189,7 @@ def build_extended_model(
     conditions: Conditions,
     spread: PeakSpread = NO_SPREAD,
 ) -> ExtendedModel | None:
-    """Build the model as a file has it; None where the data give no curve with a peak.
+    """Build the model as a file contains it; None where the data give no curve with a peak.
 
     Args:
         extended: Model with effects and spline.

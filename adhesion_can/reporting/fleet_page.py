@@ -39,7 +39,7 @@ def fleet_page(overview: "FleetOverview", provenance: Mapping[str, str]) -> Page
         "Map": map_parts(overview),
         "Failed recordings": _failures(overview),
         "What these data do not show": [Text(note) for note in found.notes]
-        or [Text("Nothing was left out.")],
+        or [Text("Nothing was dropped.")],
     }
     return Page(
         title="What is wrong in this fleet, and why?",

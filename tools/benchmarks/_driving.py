@@ -97,7 +97,7 @@ def driving_row(report, options):
     count = max(round(options.driven_hours * 3600 / DRIVE_S), 2)
     report.write(
         f"{count} drives of {DRIVE_S:.0f} s: creep swept in traction and braking, coasting, mean "
-        f"speed {SPEEDS[0]:g} to {SPEEDS[1]:g} m/s that swings by 60 %; every other one with "
+        f"speed {SPEEDS[0]:g} to {SPEEDS[1]:g} m/s that varies by 60 %; every other one with "
         f"{NOISE[0]:g} to {NOISE[1]:g} times the configured noise"
     )
     tasks = [((options.seed, number), number % 2 == 1) for number in range(count)]

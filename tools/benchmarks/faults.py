@@ -268,7 +268,7 @@ def tried(task):
 
 def _shifts(said, effect):
     """Delays of the signal of an effect that were told before anything was fitted, s."""
-    told = re.findall(r"the (force|slip) comes ([\d.]+) s after", said)
+    told = re.findall(r"the (force|slip) (?:may )?lags? the \w+ by ([\d.]+) s", said)
     late = "force" if effect == "effort_delay" else "slip"
     return [float(size) * (1.0 if name == late else -1.0) for name, size in told]
 

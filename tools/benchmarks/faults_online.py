@@ -165,7 +165,7 @@ def main():
     sys.stdout.write(MEANING)
     report.check("cases TRACKING and wrong for too long", str(broken), "0", met=broken == 0)
     report.check(
-        "cases in which a fault was told and none was there", str(accused), "0", met=accused == 0
+        "cases with a fault reported and none present", str(accused), "0", met=accused == 0
     )
     report.summarise()
 

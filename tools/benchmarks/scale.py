@@ -165,12 +165,12 @@ def line(workers: int, order: str, outcome: Outcome) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="tools/bench scale", description=__doc__)
     add = parser.add_argument
-    add("--fleet", type=Path, metavar="OUT", help="data set whose units tell the costs")
+    add("--fleet", type=Path, metavar="OUT", help="data set whose units show the costs")
     add("--units", type=int, default=100_000)
     add("--workers", type=int, nargs="+", default=[2, 100, 1000, 4000, 10_000])
     add("--window", type=int, default=2, help="units that a worker holds")
     add("--seed", type=int, default=1)
-    add("--fixed-s", type=float, default=0.2, help="core time of a unit whatever its length")
+    add("--fixed-s", type=float, default=0.2, help="core time of a unit of any length")
     add("--per-hour-s", type=float, default=86.0, help="core time for an hour of recording")
     add("--spread", type=float, default=0.1, help="standard deviation of the logarithm of the time")
     add("--mb-per-hour", type=float, default=22.0, help="size of an hour of recording (BLF)")

@@ -187,11 +187,11 @@ def parse_options(arguments=None):
         help=f"kinds of worlds, or {', '.join(GROUPS)}")  # fmt: skip
     add("--jobs", type=positive(int), default=2, metavar="N", help="drives at a time (default 2)")
     add("--seed", type=positive(int), metavar="N",
-        help="of the first round (default: fresh, or that of the run to go on with)")  # fmt: skip
+        help="of the first round (default: fresh, or that of the run to continue)")  # fmt: skip
     add("--seconds", type=positive(float), default=240.0, metavar="S",
         help="duration of a drive (default 240)")  # fmt: skip
     add("--results", type=Path, default=ROOT / "build" / "truth.jsonl", metavar="FILE",
-        help="JSON lines, where a stopped run goes on (default build/truth.jsonl)")  # fmt: skip
+        help="JSON lines; a stopped run continues there (default build/truth.jsonl)")  # fmt: skip
     add("--table", type=Path, metavar="FILE.md", help="table and targets as Markdown")
     add("--print", dest="only_print", action="store_true", help="no drives: print the results")
     options = parser.parse_args(arguments)

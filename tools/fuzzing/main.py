@@ -189,7 +189,7 @@ def main() -> int:
             status = 1
         if outcome.total < WANTED:
             fewer.append(name)
-    print(f"fewer than the {WANTED:,} inputs wanted in all runs: {', '.join(fewer) or 'none'}")
+    print(f"fewer than the {WANTED:,} inputs required in all runs: {', '.join(fewer) or 'none'}")
     return status
 
 

@@ -32,9 +32,9 @@ def parse_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         "short, table, drives")  # fmt: skip
     add("--jobs", type=int, default=2, metavar="N", help="drives at a time (default 2)")
     add("--seed", type=int, metavar="N",
-        help="of the first round (default: fresh, or that of the hunt to go on with)")  # fmt: skip
+        help="of the first round (default: fresh, or that of the hunt to continue)")  # fmt: skip
     add("--results", type=Path, default=ROOT / "build" / "hunt.jsonl", metavar="FILE",
-        help="JSON lines, where a killed hunt goes on (default build/hunt.jsonl)")  # fmt: skip
+        help="JSON lines; a killed hunt continues there (default build/hunt.jsonl)")  # fmt: skip
     add("--table", type=Path, metavar="FILE.md", help="matrix and targets as Markdown")
     add("--print", dest="only_print", action="store_true", help="no drives: print the results")
     add("--holdout", action="store_true", help="hold out a fresh drive of the same world")

@@ -7,7 +7,7 @@ from reference_pages.markdown import GENERATED, code, page, table
 
 HEAD = ("column", "type", "unit", "meaning")
 INTRODUCTION = f"""
-Tables of the data set that `adhesion-can fleet` writes, version {SCHEMA_VERSION}: it stands in the
+Tables of the data set that `adhesion-can fleet` writes, version {SCHEMA_VERSION}: it is in the
 metadata of each file as `adhesion_can.schema`. A column that says nothing else may be null. How to
 open them: [A fleet](../fleet.md).
 """

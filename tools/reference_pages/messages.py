@@ -12,7 +12,7 @@ factor + offset; bits that are not named are 0. The database is
 `adhesion_can/dbc/adhesion.dbc`, which `python -c "from adhesion_can.bus.database import
 packaged_path; print(packaged_path())"` prints in full.
 
-Every message begins with `Crc` (0|8) and `Alive` (8|4) of AUTOSAR E2E profile 1: CRC-8, polynomial
+Every message starts with `Crc` (0|8) and `Alive` (8|4) of AUTOSAR E2E profile 1: CRC-8, polynomial
 0x1D, start value 0x00, no final xor, over the low and the high byte of the data id and bytes 1 to
 7; `Alive` counts 0 to 14, one sequence a message. The data id is the attribute `E2EDataId`, equal
 to the id of the message.

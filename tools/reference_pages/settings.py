@@ -38,7 +38,7 @@ VEHICLE = """
 """
 GEOMETRY_OF_OTHERS = """
 The defaults hold for six axles in two bogies. Another vehicle has no transfer of load unless the
-section states what its bogies need; what is missing is told.
+section states what its bogies need; what is missing is reported.
 """
 CHANNELS = """
 Further signals that may be a cause: `NAME = "Message.Signal"`, or a table with the keys of a role,

@@ -54,7 +54,7 @@ LEAST_BLOCKS = 3.5
 LEAST_SLIP = 5e-4
 """Slip ratio below which an axle rolls freely, for a reader."""
 PARTS = 3
-"""Parts of a step's slips among which the most telling one is sought."""
+"""Parts of a step's slips among which the most informative one is sought."""
 
 
 def compute_next_drive(

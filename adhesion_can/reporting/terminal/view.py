@@ -48,7 +48,7 @@ HELP = (
 )
 SIGNS_HELP = """\
 Messages: ! rejected or lost frames in the last 10 s; x silent for three cycles; - never came. \
-'bad' counts rejected and lost frames since the begin.
+'bad' counts rejected and lost frames since the start.
 Curve: line: identified curve; ░ its 95 % band from the deviations of the peak; ◆ peak; ┊ creep \
 setpoint as slip; dots: samples of 5 s; digits: axles now.
 Status: T tracking, l low excitation, C surface change, i init, s stale input, F fault.

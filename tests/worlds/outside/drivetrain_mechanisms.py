@@ -61,7 +61,7 @@ def field_weakening(scene: Scene, size: float, rng: np.random.Generator) -> Chan
     same={"effort_bias": "a drag that the effort contains is a bias of the effort"},
 )  # fmt: skip
 def gearbox_churning(scene: Scene, size: float, rng: np.random.Generator) -> Change:
-    """The motor also turns a gearbox in cold oil, and the effort at the rim is not told so.
+    """The motor also turns a gearbox in cold oil, and the effort at the rim does not contain it.
 
     Law: shown F' = F + d (v / 20 m/s) e^(−E / E_0), E the distance of churning since the start:
     the oil warms over 1 to 3 km.
