@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import json
 import re
 import shlex
 from pathlib import Path
@@ -114,6 +115,37 @@ def test_the_configuration_of_the_guide_works(tmp_path):
     assert abs(scales["vehicle_speed"] - 1 / 3.6) < 1e-12
     assert abs(scales["wheel_speed.1"] - 0.10471975511965977) < 1e-12
     assert scales["tractive_effort.1"] == -1000.0
+
+
+DBC_OF_THE_MOTORS = """VERSION ""
+NS_ :
+BS_:
+BU_: X
+BO_ 256 Odo: 8 X
+ SG_ TrainSpeed : 0|16@1+ (0.01,0) [0|0] "km/h" X
+BO_ 257 Axles: 8 X
+ SG_ Wheel1 : 0|16@1+ (0.1,0) [0|0] "rpm" X
+ SG_ Wheel3 : 32|16@1+ (0.1,0) [0|0] "rpm" X
+BO_ 258 Motor1: 8 X
+ SG_ Effort : 0|16@1- (0.02,0) [0|0] "kN" X
+BO_ 259 Motor2: 8 X
+ SG_ Effort : 0|16@1- (0.02,0) [0|0] "kN" X
+"""
+
+
+def test_a_motor_that_drives_two_axles_tracks_as_the_guide_says(tmp_path, monkeypatch):
+    from adhesion_can.cli.main import main
+
+    text = (ROOT / "docs/guides/own_database.md").read_text()
+    monkeypatch.chdir(tmp_path)
+    Path("motors.toml").write_text(re.findall(r"```toml\n(.*?)```", text, re.DOTALL)[1])
+    Path("motors.dbc").write_text(DBC_OF_THE_MOTORS)
+    (printed,) = re.findall(r"^adhesion-can (simulate --config motors.*)$", text, re.MULTILINE)
+    assert main(shlex.split(printed)) == 0
+    words = ["replay", "motors.log", "--config", "motors.toml", "--json", "r.json"]
+    assert main(words) == 0
+    counts = json.loads(Path("r.json").read_text())["setpoints_by_status"]
+    assert counts["TRACKING"] > 0.85 * sum(counts.values())
 
 
 def test_the_python_of_the_guide_runs(tmp_path, monkeypatch):

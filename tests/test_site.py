@@ -10,6 +10,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 import adhesion_can
+from tests.reporting.browser import Browser
 
 pytest.importorskip("mkdocs", reason="the site needs the extra 'docs'")
 pytest.importorskip("latex2mathml", reason="the site needs the extra 'docs'")
@@ -114,3 +115,33 @@ def test_every_decision_every_example_and_the_pictures_of_the_notebook_are_there
     assert len(list((site / "examples").glob("tour-*.png"))) >= 3
     scripts = {path.stem for path in (ROOT / "docs" / "examples").glob("*.py")}
     assert scripts <= {path.stem for path in (site / "examples").glob("*.html")}
+
+
+SEARCH = """
+(async () => {
+  const input = document.querySelector('input.md-search__input');
+  document.querySelector('#__search').click();
+  input.focus();
+  input.value = 'objection';
+  input.dispatchEvent(new Event('input', {bubbles: true}));
+  input.dispatchEvent(new KeyboardEvent('keyup', {bubbles: true, key: 'n'}));
+  for (let turn = 0; turn < 600; turn++) {
+    const found = [...document.querySelectorAll('a.md-search-result__link')].map((a) => a.href);
+    if (found.length) return found;
+    await new Promise((done) => setTimeout(done, 100));
+  }
+  return [];
+})()
+"""
+
+
+def test_the_search_works_from_disk(site, tmp_path):
+    """Browsers start no worker from file://, which the search is without docs/iframe-worker.js."""
+    browser = Browser(tmp_path)
+    try:
+        browser.open(site / "guides" / "bench.html")
+        found = browser.evaluate(SEARCH)
+        assert any(address.startswith((site / "operation.html").as_uri()) for address in found)
+        assert browser.complaints == []
+    finally:
+        browser.close()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 GROUPS: Mapping[str, str] = {
     "live": "on a bus",
     "recording": "on recordings and tables",
-    "criticism": "of the simulation, by data",
+    "criticism": "what data say about the simulation",
     "set-up": "vehicle, database and shell",
 }
 """Uses of the commands, with a few words each, in the order of the help."""

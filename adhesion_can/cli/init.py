@@ -86,8 +86,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _meaning(key: str) -> str:
-    """Meaning of a value of the vehicle, with usual values."""
-    return f"{VEHICLE_DATA[key]}, {vehicle_example(key)}"
+    """Meaning of a value of the vehicle as one number, with usual values."""
+    return f"{VEHICLE_DATA[key].partition(':')[0]}, {vehicle_example(key)}"
 
 
 def _summary(initial: InitialConfiguration) -> str:

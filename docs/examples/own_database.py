@@ -1,9 +1,10 @@
-"""A database of your own: other ids, names and units, no checksums, four axles.
+"""A database of your own: a locomotive with other ids, names and units, and no checksums.
 
     python own_database.py [DURATION_S]
 
-Writes tram.dbc, tram.toml and tram.log, checks the log and replays it. A real log takes the place
-of tram.log: here one is made from a simulated drive, as a gateway would translate it.
+Writes loco.dbc, loco.toml and loco.log, checks the log and replays it. A real log takes the place
+of loco.log: here one is made from a simulated drive, as a gateway would translate it. `adhesion-can
+init --dbc loco.dbc` guesses the same roles.
 """
 
 import subprocess
@@ -25,7 +26,7 @@ BU_: TCU
 BO_ 1280 Odometer: 8 TCU
  SG_ Speed : 7|16@0+ (0.01,0) [0|120] "km/h" TCU
 """ + "".join(
-    f"""BO_ {1296 + axle} Bogie{axle}: 8 TCU
+    f"""BO_ {1296 + axle} Drive{axle}: 8 TCU
  SG_ Wheel{axle} : 7|16@0+ (0.1,0) [0|3000] "rpm" TCU
  SG_ Force{axle} : 23|16@0- (0.02,0) [-600|600] "kN" TCU
 """
@@ -40,39 +41,40 @@ axles = 4
 wheel_radius_m = 0.625
 axle_load_N = 245e3
 wheelset_inertia_kgm2 = 200.0
+train_mass_kg = 1.65e6
 
 [bus]
-database = "tram.dbc"                # beside this file
+database = "loco.dbc"                # beside this file
 
 [roles]                              # unit and cycle are those of the database
 vehicle_speed = "Odometer.Speed"
 """ + "".join(
-    f'"wheel_speed.{axle}" = "Bogie{axle}.Wheel{axle}"\n'
+    f'"wheel_speed.{axle}" = "Drive{axle}.Wheel{axle}"\n'
     # Their sign counts braking as positive, so it is turned.
-    f'"tractive_effort.{axle}" = {{ signal = "Bogie{axle}.Force{axle}", sign = -1 }}\n'
+    f'"tractive_effort.{axle}" = {{ signal = "Drive{axle}.Force{axle}", sign = -1 }}\n'
     for axle in AXLES
 )
 
 
 def main(duration_s: float = 30.0) -> None:
-    Path("tram.dbc").write_text(DATABASE)
-    Path("tram.toml").write_text(CONFIGURATION)
+    Path("loco.dbc").write_text(DATABASE)
+    Path("loco.toml").write_text(CONFIGURATION)
     write_log(duration_s)
     command = str(Path(sys.executable).with_name("adhesion-can"))
-    subprocess.run([command, "check", "tram.log", "--config", "tram.toml"], check=True)
-    words = ["replay", "tram.log", "--config", "tram.toml", "--table", "setpoints.csv"]
+    subprocess.run([command, "check", "loco.log", "--config", "loco.toml"], check=True)
+    words = ["replay", "loco.log", "--config", "loco.toml", "--table", "setpoints.csv"]
     subprocess.run([command, *words], check=True)
 
 
 def write_log(duration_s: float) -> None:
-    """tram.log: a simulated drive on a wet rail, in the tram's messages."""
+    """loco.log: a simulated drive on a wet rail, in the locomotive's messages."""
     ours = cantools.database.load_file(packaged_path())
-    tram = cantools.database.load_file("tram.dbc")
+    theirs = cantools.database.load_file("loco.dbc")
     wheels: dict[int, float] = {}
-    with can.Logger("tram.log") as log:
+    with can.Logger("loco.log") as log:
 
         def write(frame: adhesion_can.Frame, name: str, values: dict[str, float]) -> None:
-            message = tram.get_message_by_name(name)
+            message = theirs.get_message_by_name(name)
             data = message.encode(values)
             stamp, identifier = frame.t_us / 1e6, message.frame_id
             log.on_message_received(
@@ -91,7 +93,7 @@ def write_log(duration_s: float) -> None:
                 if effort is not None and axle in wheels:
                     write(
                         frame,
-                        f"Bogie{axle}",
+                        f"Drive{axle}",
                         {f"Wheel{axle}": wheels[axle], f"Force{axle}": -effort / 1e3},
                     )
 
