@@ -48,11 +48,13 @@ def plus_minus(value: float | None, std: float | None, digits: int = 4) -> str:
 DATES_FROM_US = 100_000_000_000_000
 """Stamps from here on are dates, µs since 1970; smaller ones count from the start of a recording,
 which lasts less than three years."""
+LEAST_BEGIN_US = 100_000
+"""Smaller first stamps are 0 for people, who read tenths of a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimeScale:
-    """Times of a result for people: seconds from its start where its stamps are dates.
+    """Times of a result for people: seconds from its first stamp.
 
     Attributes:
         zero_us: Stamp that time counts from, µs.
@@ -63,14 +65,14 @@ class TimeScale:
 
     @classmethod
     def beginning_at(cls, first_us: int) -> "TimeScale":
-        """Scale of stamps of which this one is the first; with 0 as it is where it is no date."""
-        return cls(first_us if first_us >= DATES_FROM_US else 0)
+        """Scale of stamps of which this one is the first."""
+        return cls(first_us if first_us >= LEAST_BEGIN_US else 0)
 
     @property
     def begin(self) -> str:
-        """Date and time of the start in UTC, to a second; '' where the stamps are no dates."""
-        if not self.zero_us:
-            return ""
+        """Time 0: date and time in UTC to a second, or on the recording's clock; '' for 0."""
+        if self.zero_us < DATES_FROM_US:
+            return f"{self.zero_us / 1e6:g} s on the recording's clock" if self.zero_us else ""
         return f"{datetime.fromtimestamp(self.zero_us / 1e6, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
     @property
@@ -81,3 +83,13 @@ class TimeScale:
     def span(self, from_us: int, to_us: int) -> str:
         """Both ends of a span, s."""
         return f"{(from_us - self.zero_us) / 1e6:.1f} .. {(to_us - self.zero_us) / 1e6:.1f}"
+
+    def seconds(self, t_s: float) -> float:
+        """Time since time 0, s, of a time on the recording's clock, s."""
+        return t_s - self.zero_us / 1e6
+
+    def heading(self, name: str = "") -> str:
+        """Sentence for the heading of a page; '' where time 0 is 0 on the recording's clock."""
+        if not self.begin:
+            return ""
+        return f"Time 0{f' of {name}' if name else ''} is {self.begin}."

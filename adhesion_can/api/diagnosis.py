@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
+from adhesion_can.api.drive_signals import thin_signals
 from adhesion_can.api.inputs import RecordingLike, as_paths, describe_table, require_plausible
 from adhesion_can.arrays import Array
 from adhesion_can.config.configuration import Configuration
@@ -36,6 +37,7 @@ from adhesion_can.recordings.tables.choice import ColumnChoice
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
 from adhesion_can.reporting.next_steps.next_step import Typed
+from adhesion_can.sampling.drive_signals import DriveSignals
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +48,15 @@ class LoadedInput:
         input_file: File with its name and hash.
         drive: Drive data of the file.
         problems: Sentence for each kind of content that was left out.
+        signals: Readings and slips over time, thinned; None of a table, and where they were not
+            asked for.
 
     """
 
     input_file: InputFile
     drive: DriveData
     problems: list[str]
+    signals: DriveSignals | None = None
 
 
 def diagnose(
@@ -162,7 +167,10 @@ def _duplicate_error(input_file: InputFile, before: InputFile) -> InputError:
 
 
 def load_inputs(
-    input_files: Sequence[InputFile], config: Configuration, show: ShowProgress
+    input_files: Sequence[InputFile],
+    config: Configuration,
+    show: ShowProgress,
+    spans: int = 0,
 ) -> list[LoadedInput]:
     """Drive data of all input files.
 
@@ -170,6 +178,8 @@ def load_inputs(
         input_files: Recordings or tables, at least one.
         config: Vehicle, roles and settings.
         show: Callback with the work in progress and the share that is done.
+        spans: Number of spans to which the signals of each recording are thinned; 0: they are not
+            kept.
 
     Raises:
         ConfigError: The roles do not suffice to form adhesion.
@@ -183,19 +193,21 @@ def load_inputs(
     loaded = []
     for number, input_file in enumerate(input_files):
         show(f"reading {input_file.name}", number / len(input_files))
-        one = _load_table(input_file, config) if tables else _load_recording(input_file, config)
-        loaded.append(one)
+        if tables:
+            loaded.append(_load_table(input_file, config))
+        else:
+            loaded.append(_load_recording(input_file, config, spans))
     return loaded
 
 
-def _load_recording(input_file: InputFile, config: Configuration) -> LoadedInput:
+def _load_recording(input_file: InputFile, config: Configuration, spans: int) -> LoadedInput:
     recordings = open_recordings([input_file.path])
     received = load_traces(
         blocks_in_sequence(recordings, config.service.restart_s), config, str(input_file.path)
     )
-    return load_from_traces(
-        input_file, received, describe_problems(recordings, names=[input_file.name]), config
-    )
+    problems = describe_problems(recordings, names=[input_file.name])
+    loaded = load_from_traces(input_file, received, problems, config)
+    return replace(loaded, signals=thin_signals(received, loaded.drive, spans)) if spans else loaded
 
 
 def load_from_traces(

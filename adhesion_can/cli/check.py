@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     write_json(options.json, {**result.as_json(), "next": step.line, **origin})
     lines = []
     if is_asked_for(options):
-        report = recording_page(result, page_provenance(origin, options))
+        report = recording_page(result, config, page_provenance(origin, options))
         lines = write_report(replace(report, next_step=step.line), options)
     if talk(options):
         _print(result)
@@ -143,7 +143,7 @@ def _print(result: CheckResult) -> None:
         f"{len(result.samples)} samples"
     )
     out.print(table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records)))
-    out.print(table("Signals (SI units)", SIGNAL_COLUMNS, signal_rows(result)))
+    out.print(table("Signals", SIGNAL_COLUMNS, signal_rows(result)))
     if result.noise:
         noise = [noise_row(compared) for compared in result.noise]
         out.print(table("Noise, standard deviation", NOISE_COLUMNS, noise))

@@ -147,8 +147,7 @@ def _page(bench: "_Bench", found: Sequence[Phase], options: argparse.Namespace) 
     configuration = bench.core.configuration
     said = page_provenance(provenance(configuration), options)
     texts = demo_texts(bench.simulation.truth(), found, bench.core, said)
-    slip_max = configuration.estimators.identifiability.slip_max
-    return page(bench.recorder.result(), texts, slip_max)
+    return page(bench.recorder.result(), texts, configuration)
 
 
 class _Clock:
@@ -195,7 +194,10 @@ class _Bench:
         self._clock = _Clock()
         self._channel = f"demo-{uuid.uuid4().hex[:8]}"
         self.core = ServiceCore(
-            config, on_setpoint=self._setpoint, on_samples=self.recorder.add_samples
+            config,
+            on_setpoint=self._setpoint,
+            on_samples=self.recorder.add_samples,
+            on_readings=self.recorder.add_readings,
         )
         self._failures: list[BaseException] = []
 

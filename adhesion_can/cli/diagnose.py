@@ -39,6 +39,7 @@ from adhesion_can.config.plan_file import write_plan
 from adhesion_can.diagnosis.diagnose import ShowProgress
 from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.reporting.diagnosed_drives import drive_parts, spans_of_a_drive
 from adhesion_can.reporting.diagnosis import (
     has_extension,
     terminal,
@@ -117,7 +118,8 @@ def run(options: argparse.Namespace) -> int:
     formulas = read_formulas(options.formula)
     input_files = list_input_files(options.inputs, options.holdout, config.columns)
     with _progress() as show:
-        loaded = load_inputs(input_files, config, show)
+        spans = spans_of_a_drive(len(input_files)) if is_asked_for(options) else 0
+        loaded = load_inputs(input_files, config, show, spans)
         limits = None if options.next_drive is None else config.limits
         found = diagnose_inputs(
             loaded, show, formulas, limits=limits, witness=config if options.witness else None
@@ -150,7 +152,9 @@ def run(options: argparse.Namespace) -> int:
     write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
     report = []
     if is_asked_for(options):
-        report = write_report(page(found, _page_provenance(origin), problems), options)
+        drives = {read.input_file.name: read.signals for read in loaded if read.signals is not None}
+        over_time = drive_parts(drives, config, found)
+        report = write_report(page(found, _page_provenance(origin), problems, over_time), options)
     if talk(options):
         written += [] if options.json is None else [options.json]
         _print(found, [*problems, *(f"written: {path}" for path in written), *report])

@@ -140,7 +140,8 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         watched = stack.enter_context(reading("replaying", recordings))
         where = ", ".join(map(str, options.log))
         span = {"from_s": options.from_s, "to_s": options.to_s}
-        core = ServiceCore(config, make, on_setpoint, on_samples)
+        on_readings = recorder.add_readings if isinstance(recorder, DriveRecorder) else None
+        core = ServiceCore(config, make, on_setpoint, on_samples, on_readings)
         blocks = channel.watch(
             in_seconds(
                 watched(blocks_in_sequence(recordings, config.service.restart_s)),
@@ -170,7 +171,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
     if isinstance(recorder, DriveRecorder):
         said = page_provenance(origin, options)
         about = replay_texts(summary, core, problems, [fit], said)
-        report = page(recorder.result(), about, slip_max)
+        report = page(recorder.result(), about, config)
         written = write_report(replace(report, next_step=step.line), options)
     if talk(options):
         _print(summary, core, setpoints, problems)

@@ -27,7 +27,7 @@ from adhesion_can.estimation.registry import (
 from adhesion_can.physics.channels import COVARIATES, UserChannel
 from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.instruments import PERFECT
-from adhesion_can.physics.readings import Role
+from adhesion_can.physics.readings import ROLE_UNITS, Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.ranges import Within, require_ranges
 from adhesion_can.recordings.tables.choice import ColumnChoice
@@ -157,6 +157,12 @@ class Configuration:
         roles = self.roles()
         known = [name for role, name in COVARIATES.items() if role in roles]
         return [*known, *(channel.name for channel in self.channels)]
+
+    def signal_unit(self, role: Role, axle: int) -> str:
+        """Unit of the readings of a role, for `Role.CHANNEL` of a channel's number; '' for none."""
+        if role is Role.CHANNEL:
+            return self.channels[axle - 1].unit
+        return ROLE_UNITS.get(role, "")
 
     def missing_for_identification(self) -> list[str]:
         """Inputs that an adhesion coefficient needs and no role gives, by name."""

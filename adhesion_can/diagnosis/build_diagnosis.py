@@ -63,6 +63,7 @@ def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untest
     return Diagnosis(
         Verdict.NOTHING, (), None, (), None, (), (), None, tuple(untested), (), None, None, (),
         None, {drive.name: len(drive) for drive in drives}, _count_lost_rows(drives),
+        begins={drive.name: drive.first_us for drive in drives},
     )  # fmt: skip
 
 
@@ -152,6 +153,7 @@ def build_diagnosis(
         environments=build_environments(found, confirmed, causes),
         noise=_build_noise(found),
         saturated=bool(found.saturated),
+        begins={drive.name: drive.first_us for drive in drives},
     )
 
 

@@ -310,6 +310,7 @@ class Diagnosis:
     witness: Witness | None = None
     saturated: bool = False
     next_step: str = ""
+    begins: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def longest_segment(self) -> SegmentResult | None:

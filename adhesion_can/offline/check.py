@@ -26,6 +26,7 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.plurals import counted
 from adhesion_can.recordings.drive_time import hole_us
 from adhesion_can.result_text import TimeScale
+from adhesion_can.sampling.drive_signals import DriveSignals
 
 RATE_TOLERANCE = 0.1
 """Largest share by which a message's mean cycle may differ from its nominal one."""
@@ -53,6 +54,8 @@ class CheckResult:
         noise: Noise of the sensors as their readings show it, beside the configured one.
         faults: Frames that were accepted, rejected and lost over time.
         objections: Times in which the service would object to the readings.
+        first_us: Stamp of the first frame, µs: time 0 of the sentences.
+        drive_signals: Readings and slips over time; None where they were not collected.
         fit: Batch fit of the samples; None where none is usable or adhesion cannot be computed.
 
     """
@@ -73,6 +76,8 @@ class CheckResult:
     faults: FaultHistory = field(default_factory=FaultHistory)
     fit: BatchResult | None = None
     objections: tuple[ObjectionSpan, ...] = ()
+    first_us: int = 0
+    drive_signals: DriveSignals | None = None
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -93,6 +98,7 @@ class CheckResult:
             "messages": [message_json(record) for record in self.receiver.records],
             "signals": {
                 name: {
+                    "unit": seen.unit,
                     "min": None if seen.lowest == np.inf else seen.lowest,
                     "max": None if seen.highest == -np.inf else seen.highest,
                     "readings": seen.readings,
@@ -136,7 +142,8 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         configuration: Messages, roles and settings; a missing role becomes one of the limits.
 
     """
-    return check_scan(scan(blocks, configuration, NOISY_ROLES), configuration)
+    found = scan(blocks, configuration, NOISY_ROLES, DriveSignals())
+    return check_scan(found, configuration)
 
 
 def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
@@ -164,13 +171,16 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
         faults=contents.faults,
         fit=fitted,
         objections=watched,
+        first_us=extractor.first_us or 0,
+        drive_signals=contents.drive_signals,
     )
     restart_s = configuration.service.restart_s
     length_us = extractor.hole.length_us
     # Between the stretches of a clock that was set back is no hole: the reader tells of them.
     is_hole = length_us > restart_s * 1e6 and length_us != hole_us(restart_s)
     hole = extractor.hole if is_hole else None
-    _check_messages(result, hole, extractor.holes)
+    times = TimeScale.beginning_at(extractor.first_us or 0)
+    _check_messages(result, hole, extractor.holes, times)
     _check_senders(result)
     result.warnings.extend(result.receiver.unmarked)
     _check_signals(result)
@@ -179,12 +189,11 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     _check_vehicle(result, configuration)
     _check_excitation(result, configuration)
     result.warnings.extend(one.warning for one in result.noise if one.warning)
-    times = TimeScale.beginning_at(int(samples.t_us[0]) if len(samples) else 0)
     result.warnings.extend(one.sentence(times) for one in watched)
     return result
 
 
-def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
+def _check_messages(result: CheckResult, hole: Hole | None, holes: int, times: TimeScale) -> None:
     """Rates, gaps and faults of each message.
 
     Args:
@@ -192,12 +201,14 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
         hole: Longest time without any frame, reported once and not message by message; None: there
             is none beyond which the service starts again, but between stretches.
         holes: Number of such times, and of those between stretches: a gap of each message.
+        times: Scale of the times in the sentences.
 
     """
     if hole is not None:
         result.failures.append(
-            f"no frames for {hole.length_us / 1e6:.0f} s, from {hole.from_us / 1e6:.3f} s on: "
-            "the file holds two recordings, or its clock was set; check the parts separately"
+            f"no frames for {hole.length_us / 1e6:.0f} s, from "
+            f"{times.seconds(hole.from_us / 1e6):.3f} s on: the file holds two recordings, or its "
+            "clock was set; check the parts separately"
         )
     for record in result.receiver.records:
         name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
@@ -212,7 +223,7 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int) -> None:
         if record.lost:
             result.failures.append(f"{name}: {counted(record.lost, 'frame')} lost by its counter")
         if record.late > holes:
-            at = (record.gap_at_us or 0) / 1e6
+            at = times.seconds((record.gap_at_us or 0) / 1e6)
             result.failures.append(
                 f"{name}: {counted(record.late, 'gap')} of more than three cycles, the longest "
                 f"{record.longest_gap_us / 1e3:.0f} ms at {at:.3f} s"

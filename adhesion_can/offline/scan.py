@@ -14,6 +14,7 @@ from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.physics.readings import Role, role_name
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.column_former import Readings
+from adhesion_can.sampling.drive_signals import DriveSignals
 
 
 @dataclass(slots=True)
@@ -25,6 +26,7 @@ class SignalRange:
         highest: Largest value, SI unit of the role; -inf where none is available.
         readings: Number of readings.
         not_available: Number of readings that carry 'not available'.
+        unit: SI unit of the role, or the unit of the user's channel; '' where it has none.
 
     """
 
@@ -32,6 +34,7 @@ class SignalRange:
     highest: float = -np.inf
     readings: int = 0
     not_available: int = 0
+    unit: str = ""
 
     def add(self, values: Array) -> None:
         """Add readings, SI unit of the role, NaN where not available; shape (n,)."""
@@ -52,6 +55,7 @@ class Scan:
         traces: Readings of the roles that were asked for.
         signals: Ranges of the signals by the names of their roles.
         faults: Frames that were accepted, rejected and lost over time.
+        drive_signals: Readings and slips over time, thinned; None where they were not asked for.
 
     """
 
@@ -60,6 +64,7 @@ class Scan:
     traces: LoadedTraces
     signals: dict[str, SignalRange]
     faults: FaultHistory
+    drive_signals: DriveSignals | None = None
 
     @property
     def duration_s(self) -> float:
@@ -68,7 +73,10 @@ class Scan:
 
 
 def scan(
-    blocks: Iterable[Block], configuration: Configuration, roles: Collection[Role] = tuple(Role)
+    blocks: Iterable[Block],
+    configuration: Configuration,
+    roles: Collection[Role] = tuple(Role),
+    drive_signals: DriveSignals | None = None,
 ) -> Scan:
     """Pass a recording through receiver and sample former.
 
@@ -76,18 +84,26 @@ def scan(
         blocks: Frames of the recording; marks are ignored.
         configuration: Messages, roles and settings.
         roles: Roles whose readings are kept.
+        drive_signals: Collector of readings and slips over time; None: they are not collected.
 
     """
-    signals = {choice.name: SignalRange() for choice in configuration.choices}
+    signals = {
+        one.name: SignalRange(unit=configuration.signal_unit(one.role, one.axle))
+        for one in configuration.choices
+    }
     traces, faults = LoadedTraces(), FaultHistory()
 
     def add_readings(readings: Readings) -> None:
+        if drive_signals is not None:
+            drive_signals.add(readings)
         traces.add({key: columns for key, columns in readings.items() if key[0] in roles})
         for (role, axle), (_, values) in readings.items():
             signals[role_name(role, axle)].add(values)
 
     extractor = SampleExtractor(configuration, add_readings, faults.add)
     samples = extractor.run(blocks)
+    if drive_signals is not None:
+        drive_signals.add_samples(samples)
     traces.backwards = extractor.counts["clamped"]
     traces.rejected = extractor.receiver.rejected
-    return Scan(extractor, samples, traces, signals, faults)
+    return Scan(extractor, samples, traces, signals, faults, drive_signals)

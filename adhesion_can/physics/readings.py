@@ -1,25 +1,26 @@
 """Readings: one signal of one accepted frame, in SI units, with the role that it plays."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Role(StrEnum):
-    """Meaning of a signal to the service; a comment beside each role has the unit of its values."""
+    """Meaning of a signal to the service; `ROLE_UNITS` has the unit of its values."""
 
-    WHEEL_SPEED = "wheel_speed"  # rad/s, an axle each
-    VEHICLE_SPEED = "vehicle_speed"  # m/s
-    TRACTIVE_EFFORT = "tractive_effort"  # N, an axle each
-    AXLE_LOAD = "axle_load"  # N, an axle each
+    WHEEL_SPEED = "wheel_speed"  # an axle each
+    VEHICLE_SPEED = "vehicle_speed"
+    TRACTIVE_EFFORT = "tractive_effort"  # an axle each
+    AXLE_LOAD = "axle_load"  # an axle each
     SPEED_SOURCE = "vehicle_speed_source"
     DIRECTION = "direction"
-    AMBIENT_TEMPERATURE = "ambient_temperature"  # degC
-    RAIL_TEMPERATURE = "rail_temperature"  # degC
-    HUMIDITY = "relative_humidity"  # %
+    AMBIENT_TEMPERATURE = "ambient_temperature"
+    RAIL_TEMPERATURE = "rail_temperature"
+    HUMIDITY = "relative_humidity"
     SANDING = "sanding_active"
     RAIN = "rain"
-    GRADIENT = "gradient"  # m/m
-    CURVATURE = "curvature"  # 1/m
+    GRADIENT = "gradient"
+    CURVATURE = "curvature"
     CHANNEL = "channel"  # a signal of the user's, its number in place of an axle's
 
     @property
@@ -30,6 +31,18 @@ class Role(StrEnum):
 
 REQUIRED = frozenset({Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT})
 """Roles without which no sample can be formed."""
+ROLE_UNITS: Mapping[Role, str] = {
+    Role.WHEEL_SPEED: "rad/s",
+    Role.VEHICLE_SPEED: "m/s",
+    Role.TRACTIVE_EFFORT: "N",
+    Role.AXLE_LOAD: "N",
+    Role.AMBIENT_TEMPERATURE: "degC",
+    Role.RAIL_TEMPERATURE: "degC",
+    Role.HUMIDITY: "%",
+    Role.GRADIENT: "m/m",
+    Role.CURVATURE: "1/m",
+}
+"""SI unit of the readings of a role; states and the user's channels have none here."""
 PER_AXLE = frozenset({Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT, Role.AXLE_LOAD})
 
 

@@ -152,7 +152,19 @@ def page(
             Section("Residual", left or [Text("No axle coasts.")]),
         ],
         provenance=provenance,
+        begin=_begin(plots.drives),
     )
+
+
+def _begin(drives: Sequence[DrivePlot]) -> str:
+    """Time 0 of each drive, a sentence each."""
+    many = len(drives) > 1
+    headings = [
+        TimeScale.beginning_at(int(drive.t_us[0])).heading(drive.name if many else "")
+        for drive in drives
+        if len(drive.t_us)
+    ]
+    return " ".join(filter(None, headings))
 
 
 def _rms(plots: CoastingPlots, name: str) -> float:
@@ -203,7 +215,7 @@ def _coasting_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
         {"type": "category", "range": [len(axles) - 0.4, -0.6]},
     ]
     height = 280 + 24 * len(axles)
-    layout = panel_layout(axes, f"time, s{times.note}", height, (130.0, 24.0 * len(axles)))
+    layout = panel_layout(axes, "time, s", height, (130.0, 24.0 * len(axles)))
     caption = f"{drive.name}: vehicle speed, and the spans of coasting that are used."
     return Figure(caption, data, layout, height, "coasting")
 
@@ -232,7 +244,7 @@ def _residual_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
              "marker": {"color": colour, "size": 5, "opacity": 0.6, "symbol": symbol}}
         )  # fmt: skip
     layout = {
-        "xaxis": {"title": {"text": f"time, s{times.note}"}},
+        "xaxis": {"title": {"text": "time, s"}},
         "yaxis": {"title": {"text": "v − r·ω, m/s"}, "zeroline": True, "zerolinecolor": GREY},
     }
     caption = (

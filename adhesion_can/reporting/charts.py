@@ -193,12 +193,13 @@ def thinned(x: Array, *ys: Array, at_most: int = AT_MOST) -> tuple[Array, ...]:
     return tuple(series[rows_kept] for series in (x, *ys))
 
 
-def insert_gaps(x: Array, *ys: Array) -> tuple[Array, ...]:
-    """Series with a gap inserted wherever the abscissa jumps by more than `MAX_STEPS` steps.
+def insert_gaps(x: Array, *ys: Array, longest: float | None = None) -> tuple[Array, ...]:
+    """Series with a gap inserted wherever the abscissa jumps.
 
     Args:
         x: Abscissa, ascending, shape (n,).
         ys: Series over the abscissa, shape (n,) each.
+        longest: Longest distance between joined points; None for `MAX_STEPS` median steps.
 
     Returns:
         `x` and `ys`, a row longer for each gap.
@@ -207,6 +208,7 @@ def insert_gaps(x: Array, *ys: Array) -> tuple[Array, ...]:
     step = np.diff(x)
     if not len(step):
         return (x, *ys)
-    after = np.flatnonzero(step > MAX_STEPS * np.median(step)) + 1
+    longest = MAX_STEPS * float(np.median(step)) if longest is None else longest
+    after = np.flatnonzero(step > longest) + 1
     between = (x[after - 1] + x[after]) / 2
     return (np.insert(x, after, between), *(np.insert(y, after, np.nan) for y in ys))

@@ -1,9 +1,10 @@
 """Page of a check, and the tables that it shares with the terminal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from adhesion_can.config import Configuration
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
 from adhesion_can.offline.compare_noise import ComparedNoise
@@ -11,10 +12,13 @@ from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.physics.samples import Samples
 from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, RED, Trace, panel_layout, place
 from adhesion_can.reporting.data_quality import quality_parts
+from adhesion_can.reporting.drive.signal_panels import SignalPanels, signal_panels
 from adhesion_can.reporting.page import Figure, Items, Page, Part, Section, Table, Text
+from adhesion_can.reporting.time_panels import Panel, panels_figure
+from adhesion_can.reporting.time_panels import line as trace_line
 from adhesion_can.result_text import TimeScale
 
-SIGNAL_COLUMNS = ("role", "readings", "lowest", "highest")
+SIGNAL_COLUMNS = ("signal", "unit", "readings", "lowest", "highest")
 NOISE_COLUMNS = ("sensor", "estimated", "configured", "errors last", "unit")
 COLUMN_COLUMNS = ("column", "lowest", "highest", "empty", "taken for")
 MOST_POINTS = 4000
@@ -26,6 +30,7 @@ def signal_rows(result: CheckResult) -> list[tuple[str, ...]]:
     return [
         (
             name,
+            seen.unit,
             str(seen.readings),
             "-" if seen.readings == seen.not_available else f"{seen.lowest:.6g}",
             "-" if seen.readings == seen.not_available else f"{seen.highest:.6g}",
@@ -65,11 +70,14 @@ def noise_row(compared: ComparedNoise) -> tuple[str, ...]:
     return compared.name, estimated, f"{compared.configured:.3g}", lasts, compared.unit
 
 
-def recording_page(result: CheckResult, provenance: Mapping[str, str]) -> Page:
+def recording_page(
+    result: CheckResult, config: Configuration, provenance: Mapping[str, str]
+) -> Page:
     """Build the page of the check of recordings.
 
     Args:
         result: Result of the check.
+        config: Configuration of the check.
         provenance: Version, hashes and command by name.
 
     """
@@ -81,10 +89,10 @@ def recording_page(result: CheckResult, provenance: Mapping[str, str]) -> Page:
     }
     records = result.receiver.records
     sections: dict[str, list[Part]] = {
-        "Findings": _findings([result]),
-        "Frames over time": _faults(result.faults),
+        **_findings([result]),
+        "Signals and frames over time": [_over_time(result, config)],
         "Messages": quality_parts(records, counts, result.dropped, ()),
-        "Signals": [Table("Range of each signal, SI units.", SIGNAL_COLUMNS, signal_rows(result))],
+        "Signals": [Table("Range of each signal.", SIGNAL_COLUMNS, signal_rows(result))],
         "Excitation": _excitation(result.samples),
     }
     if result.noise:
@@ -95,7 +103,8 @@ def recording_page(result: CheckResult, provenance: Mapping[str, str]) -> Page:
         f"{result.frames} frames in {result.duration_s:.1f} s, processed as the service would; "
         f"{len(result.samples)} samples of slip and adhesion."
     )
-    return _page("Is this recording usable?", lead, [result], sections, provenance)
+    begin = TimeScale.beginning_at(result.first_us).heading()
+    return _page("Is this recording usable?", lead, [result], sections, provenance, begin)
 
 
 def table_page(results: Sequence[TableCheck], provenance: Mapping[str, str]) -> Page:
@@ -106,7 +115,7 @@ def table_page(results: Sequence[TableCheck], provenance: Mapping[str, str]) -> 
         provenance: Version, hashes and command by name.
 
     """
-    sections: dict[str, list[Part]] = {"Findings": _findings(results)}
+    sections: dict[str, list[Part]] = _findings(results)
     for result in results:
         parts: list[Part] = [
             Table(f"Columns of {result.name}.", COLUMN_COLUMNS, column_rows(result),
@@ -126,24 +135,24 @@ def _page(
     results: Sequence[CheckResult | TableCheck],
     sections: Mapping[str, Sequence[Part]],
     provenance: Mapping[str, str],
+    begin: str = "",
 ) -> Page:
     failures = [line for result in results for line in result.failures]
     verdict = "Usable." if not failures else "Not usable as it is:"
-    found = [line for result in results for line in result.findings]
     return Page(
         title=title,
         lead=lead,
-        verdict=[verdict, *(failures or found)],
+        verdict=[verdict, *failures],
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=provenance,
+        begin=begin,
     )
 
 
-def _findings(results: Sequence[CheckResult | TableCheck]) -> list[Part]:
-    """All sentences of a check by their kind."""
+def _findings(results: Sequence[CheckResult | TableCheck]) -> dict[str, list[Part]]:
+    """Section with the sentences of a check by their kind, but for those of the verdict."""
     parts: list[Part] = []
     for head, name in (
-        ("Wrong:", "failures"),
         ("Odd:", "warnings"),
         ("Cannot be estimated from these data:", "limits"),
         ("Can be estimated:", "findings"),
@@ -151,43 +160,44 @@ def _findings(results: Sequence[CheckResult | TableCheck]) -> list[Part]:
         lines = [line for result in results for line in getattr(result, name)]
         if lines:
             parts += [Text(head), Items(lines)]
-    return parts or [Text("Nothing to report.")]
+    return {"Findings": parts} if parts else {}
 
 
-def _faults(faults: FaultHistory) -> list[Part]:
+def _over_time(result: CheckResult, config: Configuration) -> Part:
+    """Signals, and below them the frames that were accepted, rejected and lost."""
+    times = TimeScale.beginning_at(result.first_us)
+    signals = SignalPanels.none()
+    if result.drive_signals is not None:
+        signals = signal_panels(result.drive_signals, config, times.zero_us)
+    panels = [*signals.panels, *_frame_panels(result.faults, times)]
+    if not panels:
+        return Text("There are no frames to show.")
+    lost = result.faults.total("rejected") + result.faults.total("lost")
+    caption = (
+        f"{signals.caption} Frames of the configured messages are counted in spans of "
+        f"{result.faults.width_us / 1e6:g} s. "
+        + ("Some were rejected, or are missing according to their counters." if lost
+           else "No frame was rejected, and no counter shows a missing one.")
+    )  # fmt: skip
+    return panels_figure(caption, panels, "time, s", "over-time")
+
+
+def _frame_panels(faults: FaultHistory, times: TimeScale) -> Iterator[Panel]:
+    """Frames per second: accepted ones, and where there are any the rejected and lost ones."""
     if faults.first_us is None:
-        return [Text("There are no frames to show.")]
-    times = TimeScale.beginning_at(faults.first_us)
+        return
     since_s, rates = faults.rates()
     t_s = since_s + (faults.first_us - times.zero_us) / 1e6
-    bad = faults.total("rejected") + faults.total("lost")
-    data: list[Trace] = []
-    for row, (kind, colour, symbol) in enumerate(
-        (("accepted", BLUE, "circle"), ("rejected", RED, "x"), ("lost", ORANGE, "diamond"))
-    ):
-        rate = rates[kind]
-        if row and not bad:
-            continue
-        if row:
-            some = rate > 0
-            trace = {"mode": "markers", "x": t_s[some], "y": rate[some],
-                     "marker": {"color": colour, "size": 7, "symbol": symbol}}  # fmt: skip
-        else:
-            trace = {"mode": "lines", "x": t_s, "y": rate, "line": {"color": colour, "width": 1.5}}
-        data.append({"type": "scatter", "name": kind} | trace | place(min(row, 1)))
-    axes = [
-        {"title": {"text": "accepted<br>frames/s"}, "rangemode": "tozero"},
-        {"title": {"text": "rejected, lost<br>frames/s"}, "rangemode": "tozero"},
-    ][: 2 if bad else 1]
-    height = 380 if bad else 240
-    layout = panel_layout(axes, f"time, s{times.note}", height)
-    layout["xaxis"]["range"] = [float(t_s[0]), float(max(t_s[-1], t_s[0] + 1))]
-    caption = (
-        f"Frames of the configured messages, in spans of {faults.width_us / 1e6:g} s. "
-        + ("Below: frames that were rejected, or are missing according to their counters."
-           if bad else "No frame was rejected, and no counter shows a missing one.")
-    )  # fmt: skip
-    return [Figure(caption, data, layout, height, "frames-over-time")]
+    axis = {"rangemode": "tozero"}
+
+    def rate(kind: str, colour: str) -> Trace:
+        style = {"color": colour, "width": 1.5, "shape": "hvh"}
+        return trace_line(kind, t_s, rates[kind], style)
+
+    yield Panel("frames accepted, 1/s", [rate("accepted", BLUE)], axis, 70.0)
+    if faults.total("rejected") + faults.total("lost"):
+        faulty = [rate("rejected", RED), rate("lost", ORANGE)]
+        yield Panel("frames rejected and lost, 1/s", faulty, axis, 70.0)
 
 
 def _excitation(samples: Samples) -> list[Part]:

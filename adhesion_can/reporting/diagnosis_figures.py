@@ -32,6 +32,7 @@ from adhesion_can.reporting.charts import (
     thinned,
 )
 from adhesion_can.reporting.page import Figure
+from adhesion_can.reporting.time_panels import Panel, panels_figure
 from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale
 
 BEFORE, AFTER, MEASURED = ORANGE, BLUE, GREY
@@ -121,47 +122,45 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
     return Figure(caption, data, layout, 90 + 30 * len(models), "models")
 
 
-def simulation_figure(simulation_plot: SimulationPlot, *, extended: bool) -> Figure:
+def simulation_figure(
+    simulation_plot: SimulationPlot, times: TimeScale, *, extended: bool
+) -> Figure:
     """Wheel speed and adhesion of one axle: measured, before and, where extended, after."""
-    times = TimeScale.beginning_at(round(float(simulation_plot.time_s[0]) * 1e6))
     t = simulation_plot.time_s - times.zero_us / 1e6
-    data: list[Trace] = []
+    panels = []
     measured, before, after = (
         simulation_plot.wheel_speed,
         simulation_plot.simulated_before,
         simulation_plot.simulated_after,
     )
-    panels = (
-        (measured, before, after),
-        (None, before - measured, after - measured),
+    plotted = (
+        ("wheel speed, rad/s", (measured, before, after)),
         (
-            simulation_plot.adhesion,
-            simulation_plot.predicted_before,
-            simulation_plot.predicted_after,
+            "simulated minus measured wheel speed, rad/s",
+            (None, before - measured, after - measured),
+        ),
+        (
+            "adhesion coefficient μ",
+            (
+                simulation_plot.adhesion,
+                simulation_plot.predicted_before,
+                simulation_plot.predicted_after,
+            ),
         ),
     )
-    for row, (seen, was, now) in enumerate(panels):
+    for row, (title, (seen, was, now)) in enumerate(plotted):
         shown = [(_MEASURED, seen)] if seen is not None else []
         shown += [(_BEFORE, was), (_AFTER, now)] if extended else [(_BEFORE, was)]
         styles, lines = [style for style, _ in shown], [line for _, line in shown]
         x, *ys = thinned(*insert_gaps(t, *lines), at_most=AT_MOST)
-        data += [
-            _line(style, x, y, legend=row == 0) | place(row)
-            for style, y in zip(styles, ys, strict=True)
-        ]
-    axes = [
-        {"title": {"text": "wheel speed<br>rad/s"}},
-        {"title": {"text": "simulated minus<br>measured, rad/s"}},
-        {"title": {"text": "adhesion<br>coefficient μ"}},
-    ]
-    height = 560
-    layout = panel_layout(axes, f"time, s{times.note}", height)
+        traces = [_line(style, x, y, legend=row == 0) for style, y in zip(styles, ys, strict=True)]
+        panels.append(Panel(title, traces, {}, 150.0))
     caption = (
         f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured and simulated. "
         "Wheel speed is simulated from the measured effort and vehicle speed, restarted every "
         f"{simulation_plot.restart_s:g} s; adhesion is predicted from the measured slip."
     )
-    return Figure(caption, data, layout, height)
+    return panels_figure(caption, panels, "time, s", "measured-and-simulated")
 
 
 def prediction_figure(prediction: PredictionPlot, *, extended: bool) -> Figure:
@@ -264,7 +263,9 @@ def _cloud(slip: Array, mu: Array) -> Trace:
     }
 
 
-def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -> Figure:
+def curve_figure(
+    surface: SegmentResult, times: TimeScale, curves: CurveData, *, extended: bool
+) -> Figure:
     """Curve and data of one surface: as measured and, where extended, with the effects out."""
     clouds = [(surface.base, _BEFORE, curves.slip, curves.adhesion)]
     if extended:
@@ -290,9 +291,10 @@ def curve_figure(surface: SegmentResult, curves: CurveData, *, extended: bool) -
     layout = panel_layout(axes, "slip ratio λ", height)
     for row in range(len(clouds)):
         layout[f"xaxis{suffix(row)}"]["range"] = [0.0, float(grid[-1])]
+    when = f"{times.seconds(surface.from_s):.0f} to {times.seconds(surface.to_s):.0f} s"
     caption = (
-        f"Adhesion curve of the longest surface ({surface.recording}, {surface.from_s:.0f} to "
-        f"{surface.to_s:.0f} s) and the measured data. "
+        f"Adhesion curve of the longest surface ({surface.recording}, {when}) and the measured "
+        "data. "
     )
     if extended:
         caption += (

@@ -1,6 +1,6 @@
 """Page of a diagnosis; every section is always there, with a sentence where it is empty."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from adhesion_can.diagnosis.formatting import effect_name, measured, rival_title, short
 from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, SegmentResult
@@ -10,6 +10,7 @@ from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.parameter import Parameter
+from adhesion_can.reporting.diagnosed_drives import recording_times
 from adhesion_can.reporting.diagnosis import (
     ENVIRONMENT_COLUMNS,
     FAMILY_COLUMNS,
@@ -49,6 +50,7 @@ def page(
     found: Diagnosis,
     provenance: Mapping[str, str],
     problems: Sequence[str] = (),
+    drives: Sequence[Text | Figure | Table] = (),
 ) -> Page:
     """Build the page of a diagnosis.
 
@@ -56,14 +58,16 @@ def page(
         found: Result of the diagnosis.
         provenance: Version, command, database and configuration by name.
         problems: Sentence for each problem of an input.
+        drives: Parts that show the recordings over time; () where there are none.
 
     """
-    sections = {
+    sections: dict[str, Sequence[Text | Items | Table | Figure]] = {
         "What the simulation gets wrong": _wrong(found),
         "Closest explanations, not the cause": _closest(found),
         "One size everywhere?": _environments(found),
         "Gain": _gain(found),
         "Measured and simulated": _simulation_plots(found),
+        **({"Drives over time": drives} if drives else {}),
         "Residual": _profile(found),
         "Curve and data": _curve(found),
         "Evidence for every effect": _evidence(found),
@@ -80,7 +84,15 @@ def page(
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=provenance,
         next_step=found.next_step,
+        begin=_begin(found),
     )
+
+
+def _begin(found: Diagnosis) -> str:
+    """Time 0 of each recording, a sentence each."""
+    many = len(found.begins) > 1
+    headings = (recording_times(found, name).heading(name if many else "") for name in found.begins)
+    return " ".join(heading for heading in headings if heading)
 
 
 def _lead(found: Diagnosis) -> str:
@@ -109,7 +121,7 @@ def _wrong(found: Diagnosis) -> Parts:
             Table("Named effects, ± standard deviation.", columns, cause_rows(found.causes),
                   sentence_columns=(3,))
         )  # fmt: skip
-        about = [f"{c.effect}: {c.title}. Literature: {c.literature}." for c in found.causes]
+        about = [f"Literature on {c.effect}: {c.literature}." for c in found.causes]
         parts.append(Items(about))
     return parts
 
@@ -148,11 +160,11 @@ def _gain(found: Diagnosis) -> Parts:
     gain = found.gain
     spans: dict[str, list[str]] = {}
     for name, begin, end in gain.spans:
-        spans.setdefault(name, []).append(f"{begin:.1f} to {end:.1f} s")
-    parts: Parts = [gain_figure(gain), Text(f"Held out: {gain.held_out}.")]
-    if spans:
-        parts.append(Items([f"{name}: {', '.join(own)}" for name, own in spans.items()]))
-    return parts
+        times = recording_times(found, name)
+        span = f"{times.seconds(begin):.1f} to {times.seconds(end):.1f} s"
+        spans.setdefault(name, []).append(span)
+    held = [f"Held out of {name}: {', '.join(own)}." for name, own in spans.items()]
+    return [gain_figure(gain), Items(held)] if held else [gain_figure(gain)]
 
 
 def _simulation_plots(found: Diagnosis) -> Parts:
@@ -161,8 +173,8 @@ def _simulation_plots(found: Diagnosis) -> Parts:
     if not found.simulation_plots:
         return [Text("There is no span to show.")]
     return [
-        simulation_figure(simulation_plot, extended=has_extension(found))
-        for simulation_plot in found.simulation_plots
+        simulation_figure(one, recording_times(found, one.recording), extended=has_extension(found))
+        for one in found.simulation_plots
     ]
 
 
@@ -176,15 +188,20 @@ def _curve(found: Diagnosis) -> Parts:
     parts: Parts = []
     longest = found.longest_segment
     if longest is not None and found.curves is not None:
-        parts.append(curve_figure(longest, found.curves, extended=has_extension(found)))
+        times, extended = recording_times(found, longest.recording), has_extension(found)
+        parts.append(curve_figure(longest, times, found.curves, extended=extended))
     if found.families and found.curves is not None:
         parts += [family_figure(found.families, found.curves), _family_table(found.families)]
     if found.surfaces:
-        parts.append(_surface_table(found.surfaces, extended=has_extension(found)))
+        parts.append(_surface_table(found, extended=has_extension(found)))
     return parts or [Text("No curve could be fitted.")]
 
 
-def _surface_table(surfaces: Sequence[SegmentResult], *, extended: bool) -> Table:
+def _surface_table(found: Diagnosis, *, extended: bool) -> Table:
+    def name(s: SegmentResult) -> str:
+        times = recording_times(found, s.recording)
+        return f"{s.recording}, {times.seconds(s.from_s):.0f} to {times.seconds(s.to_s):.0f} s"
+
     def cells(e: Estimate) -> tuple[str, ...]:
         known = e.identifiable
         return (
@@ -196,8 +213,8 @@ def _surface_table(surfaces: Sequence[SegmentResult], *, extended: bool) -> Tabl
         )
 
     rows = [
-        (f"{s.recording}, {s.from_s:.0f} to {s.to_s:.0f} s", which, *cells(estimate))
-        for s in surfaces
+        (name(s), which, *cells(estimate))
+        for s in found.surfaces
         for which, estimate in (("plain", s.base), ("extended", s.extended))[: 1 + extended]
     ]
     columns = ("surface", "model", "μ_max", "λ_m", "c1", "c2", "c3")
@@ -305,35 +322,36 @@ def _untested(found: Diagnosis) -> Parts:
 def _model(found: Diagnosis) -> Parts:
     if found.model is None or not has_extension(found):
         return [Text("There is no extension: the plain curve remains.")]
-    return model_parts(found.model)
+    return _model_parts(found.model, {cause.effect for cause in found.causes})
 
 
-def model_parts(model: ExtendedModel) -> Parts:
-    """Text and tables that describe an extended model."""
+def _model_parts(model: ExtendedModel, named: Collection[str]) -> Parts:
+    """Text and tables that describe an extended model, without what is said of named effects."""
     c1, c2, c3 = model.base
     parts: Parts = []
     if model.curve is not None:
         parts.append(_curve_table(model.curve))
     which = "Base curve" if model.curve is None else "Burckhardt curve nearest to the base curve"
-    parts += [
-        Text(
-            f"{which}: c1 = {c1:.4f}, c2 = {c2:.2f}, c3 = {c3:.4f}. The effects below are "
-            "applied in this order: errors of sensors and vehicle data, changes of the slip, "
-            "factors of the adhesion."
+    text = f"{which}: c1 = {c1:.4f}, c2 = {c2:.2f}, c3 = {c3:.4f}."
+    if model.effects:
+        effects = ", ".join(_name(active) for active in model.effects)
+        text += (
+            f" Effects in the order in which they are applied: {effects}. Errors of sensors and "
+            "vehicle data come first, then changes of the slip, then factors of the adhesion."
         )
-    ]
+    parts.append(Text(text))
+    others = [active for active in model.effects if active.effect.id not in named]
     rows = []
-    for active in model.effects:
+    for active in others:
         stds = model.covariance_of(active).diagonal() ** 0.5
         for p, value, std in zip(active.effect.parameters, active.values, stds, strict=True):
             cells = (_name(active), p.name, _cell(p, value, float(std)), p.meaning)
             rows.append(cells)
     if rows:
         columns = ("effect", "parameter", "value", "meaning")
-        caption = "Effects of the extended model, ± standard deviation."
+        caption = "Effects of the extended model that are not named, ± standard deviation."
         parts.append(Table(caption, columns, rows, sentence_columns=(3,)))
-    if model.effects:
-        parts.append(Items([f"{_name(a)}: {a.effect.title}." for a in model.effects]))
+        parts.append(Items([f"{_name(a)}: {a.effect.title}." for a in others]))
     parts += [Text(_spline(spline)) for spline in model.splines]
     return parts
 

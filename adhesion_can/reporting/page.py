@@ -73,6 +73,8 @@ class Figure:
         layout: Layout of Plotly, where it differs from the page's style.
         height: Height without the legend, px.
         name: Short name, part of the name of its picture's file.
+        panels: Heights of its panels, one below the other over one abscissa, px: each gets a
+            heading, and a cursor reads all traces at once; () for a figure without a cursor.
 
     """
 
@@ -81,6 +83,7 @@ class Figure:
     layout: Mapping[str, Any] = field(default_factory=dict)
     height: int = 380
     name: str = "figure"
+    panels: Sequence[float] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +116,7 @@ class Page:
         sections: Sections in their order.
         provenance: Version, hashes and the command that repeats the work, by name.
         next_step: What was found and what to do next, one line; '' where nothing follows.
+        begin: Date and time of time 0, a sentence for each recording; '' where there is none.
 
     """
 
@@ -122,6 +126,7 @@ class Page:
     sections: Sequence[Section]
     provenance: Mapping[str, str]
     next_step: str = ""
+    begin: str = ""
 
     @property
     def figures(self) -> list[Figure]:
@@ -223,7 +228,12 @@ def _packed_plotly() -> str:
 
 def _figure_json(figure: Figure) -> str:
     """A figure as JSON that may stand within a script element; null for what is not finite."""
-    document = {"data": figure.data, "layout": figure.layout, "height": figure.height}
+    document = {
+        "data": figure.data,
+        "layout": figure.layout,
+        "height": figure.height,
+        "panels": figure.panels,
+    }
     text = json.dumps(_plain(document), allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c")
 

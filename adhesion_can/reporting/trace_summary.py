@@ -24,6 +24,9 @@ def summary_rows(data: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for trace in data[:MOST_ROWS]:
         name = plain_text(str(trace.get("name", "")))
+        panel = plain_text(str(trace.get("meta", "")))
+        if panel and not panel.startswith(name):
+            name = f"{panel}: {name}"
         if not name and trace.get("type") != "bar":
             continue
         x, y = _column(trace.get("x", ())), _column(trace.get("y", ()))

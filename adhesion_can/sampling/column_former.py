@@ -8,7 +8,7 @@ the sample in front of it, and is given up with the first one after its patience
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from math import ceil, hypot, inf
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.channels import COVARIATES
-from adhesion_can.physics.readings import Role
+from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.sampling.column_history import NEVER, ColumnHistory, Stamps
 from adhesion_can.sampling.equations import (
@@ -40,6 +40,17 @@ Signal = tuple[Role, int]
 """A role and its axle, 0 where it has none."""
 Readings = Mapping[Signal, tuple[Stamps, Array]]
 """Stamps and SI values (NaN: not available) of each signal of a block."""
+
+
+def in_columns(readings: Iterable[Reading]) -> Readings:
+    """Readings of one frame as columns of one row."""
+    return {
+        (one.role, one.axle): (
+            np.array([one.t_us], dtype=np.int64),
+            np.array([np.nan if one.value is None else one.value]),
+        )
+        for one in readings
+    }
 
 
 class _Formed(NamedTuple):

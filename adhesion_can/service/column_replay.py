@@ -74,6 +74,8 @@ class ColumnReplay:
         totals = _Totals(core.receiver.rejected, core.receiver.lost)
         received = core.receiver.accept_block(block, t_us)
         core.counts.foreign += received.foreign
+        if core.on_readings is not None:
+            core.on_readings(received.readings)
         first = min((int(rows[0]) for rows in received.accepted if len(rows)), default=None)
         start_row = -1
         if not core.schedule.started and first is not None:

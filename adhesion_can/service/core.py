@@ -24,6 +24,7 @@ from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.readings import SpeedSource
 from adhesion_can.physics.samples import Samples
+from adhesion_can.sampling.column_former import Readings, in_columns
 from adhesion_can.service.early_start import NEAR_US, EarlyStart
 from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
 from adhesion_can.service.inputs import FrameInputs, InputSnapshot
@@ -61,6 +62,7 @@ class ServiceCore:
         estimator: Maker of a fresh estimator; None makes the configured one.
         on_setpoint: Callback with due time (µs) and outputs of each setpoint message.
         on_samples: Callback with the samples of each due time that has any.
+        on_readings: Callback with the readings of accepted frames, in the order of their stamps.
 
     Raises:
         ConfigError: The roles do not suffice to estimate adhesion, or an id is used twice.
@@ -74,6 +76,7 @@ class ServiceCore:
         estimator: Callable[[], Estimator] | None = None,
         on_setpoint: Callable[[int, Outputs], None] | None = None,
         on_samples: Callable[[Samples], None] | None = None,
+        on_readings: Callable[[Readings], None] | None = None,
     ) -> None:
         configuration.require_identification()
         self.configuration = configuration
@@ -100,6 +103,7 @@ class ServiceCore:
         self._builder = OutputBuilder(configuration)
         self._on_setpoint = on_setpoint
         self._on_samples = on_samples
+        self.on_readings = on_readings
         self._dropped: Mapping[str, int] = {}
         self._ready: Frame | None = None
         """Setpoint of the next due time, if nothing else comes before it."""
@@ -126,6 +130,8 @@ class ServiceCore:
                 self.start(frame.t_us)
                 self._inputs.start(frame.t_us)
                 frames += self.emit(frame.t_us, self._inputs.snapshot)
+            if self.on_readings is not None:
+                self.on_readings(in_columns(outcome))
             self._inputs.add(outcome)
             self.use_speed_source(self._inputs.speed_source)
         return frames

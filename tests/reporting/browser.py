@@ -116,6 +116,19 @@ class Browser:
             raise RuntimeError(done["exceptionDetails"])
         return done["result"].get("value")
 
+    def pointer(self, kind, x, y):
+        """Move, press or release the mouse ('mouseMoved', ..) at a place in the window, px."""
+        pressed = {} if kind == "mouseMoved" else {"button": "left", "clickCount": 1}
+        self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **pressed)
+
+    def wait_until(self, expression):
+        """Wait until an expression is true in the page."""
+        end = time.monotonic() + WAIT_S
+        while not self.evaluate(expression):
+            if time.monotonic() > end:
+                raise RuntimeError(f"not so after {WAIT_S} s: {expression}")
+            time.sleep(0.02)
+
     @property
     def complaints(self):
         """What the console says, errors of scripts, and what the page may not load."""

@@ -51,5 +51,8 @@ def test_stamps_that_are_dates_count_from_their_begin_and_others_stay():
     assert times.begin == "2026-09-21 14:13:20 UTC"
     assert times.note == ", time from 2026-09-21 14:13:20 UTC on"
     recording = TimeScale.beginning_at(12_000_000)
-    assert recording.span(12_000_000, 13_500_000) == "12.0 .. 13.5"
-    assert recording.begin == recording.note == ""
+    assert recording.span(12_000_000, 13_500_000) == "0.0 .. 1.5"
+    assert recording.heading("a.log") == "Time 0 of a.log is 12 s on the recording's clock."
+    first_cycle = TimeScale.beginning_at(20_000)
+    assert first_cycle.span(20_000, 1_020_000) == "0.0 .. 1.0"
+    assert first_cycle.begin == first_cycle.note == first_cycle.heading() == ""

@@ -1,6 +1,6 @@
-"""Figures of a drive: estimates over time and over distance, and the curve of each surface."""
+"""Figures of a drive: estimates and signals over time and distance, the curve of each surface."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,15 +21,15 @@ from adhesion_can.reporting.charts import (
     band,
     faded,
     insert_gaps,
-    panel_layout,
-    place,
     runs,
     suffix,
 )
 from adhesion_can.reporting.drive.history import DOUBTS, STATUSES
 from adhesion_can.reporting.drive.recorder import DriveRecord
+from adhesion_can.reporting.drive.signal_panels import SignalPanels
 from adhesion_can.reporting.drive.surfaces import Cloud, Surface
 from adhesion_can.reporting.page import Figure
+from adhesion_can.reporting.time_panels import Panel, line, panels_figure
 from adhesion_can.result_text import TimeScale, plus_minus
 
 STATUS_COLOURS: Mapping[Status, str] = {
@@ -50,62 +50,81 @@ FROM_KM = 2000.0
 
 
 def overview_figure(
-    record: DriveRecord, truth: Sequence[Mapping[str, Any]] = (), *, over_distance: bool = False
+    record: DriveRecord,
+    truth: Sequence[Mapping[str, Any]] = (),
+    signals: SignalPanels | None = None,
+    *,
+    over_distance: bool = False,
 ) -> Figure:
-    """Estimates with their bands, speed, status and doubt over time or distance.
+    """Estimates with their bands, signals, status and doubt over time or distance.
 
     Args:
         record: Drive as the service saw it.
         truth: Surfaces of a simulated drive, as the file of --truth has them.
+        signals: Panels of the signals, over time alone; None: the vehicle speed alone is shown.
         over_distance: Whether distance is the abscissa; else time is.
 
     """
-    history = record.history
     scale = _Abscissa(record, over_distance=over_distance)
+    with_signals = signals is not None and bool(signals.panels)
+    panels = [*_estimate_panels(record, truth, scale, with_speed=not with_signals)]
+    if signals is not None:
+        panels += signals.panels
+    rows = _state_rows(record, scale)
+    axis = {"type": "category", "range": [len(rows) - 0.4, -0.6]}
+    panels.append(Panel("status and doubt", rows, axis, 26.0 * max(len(rows), 1)))
+    marks: dict[str, Any] = {"annotations": _names(truth, scale)}
+    if len(record.surfaces) <= MOST_LINES:
+        begins = np.array([s.from_us for s in record.surfaces[1:]], dtype=np.float64)
+        marks["shapes"] = [
+            {"type": "line", "xref": "x", "yref": f"y{suffix(row)} domain", "x0": at, "x1": at,
+             "y0": 0, "y1": 1, "line": {"color": GREY, "width": 1, "dash": "dot"}}
+            for at in scale.of(begins).tolist() for row in range(len(panels) - 1)
+        ]  # fmt: skip
+    where = "distance" if over_distance else "time"
+    caption = (
+        f"Estimates over {where}: maximum adhesion, its slip ratio, status and doubt. Dotted "
+        f"lines: surface changes declared by the service. {_resolution(record)}"
+    )
+    if signals is not None and signals.panels:
+        caption += f" Signals: {signals.caption[0].lower()}{signals.caption[1:]}"
+    return panels_figure(caption, panels, scale.title, f"over-{where}", marks)
+
+
+def _estimate_panels(
+    record: DriveRecord,
+    truth: Sequence[Mapping[str, Any]],
+    scale: "_Abscissa",
+    *,
+    with_speed: bool,
+) -> Iterator[Panel]:
+    """Peak of the curve as it was sent, and the vehicle speed where it is asked for."""
+    history = record.history
     t_s = (history.first_us + history.last_us) / 2e6
     at = scale.of(history.first_us / 2 + history.last_us / 2)
     columns = (at, *history.lowest.T, *history.highest.T, *history.lower.T, *history.upper.T)
     _, x, *rest = insert_gaps(t_s, *columns)
     lowest, highest, lower, upper = rest[:3], rest[3:6], rest[6:8], rest[8:10]
-    data: list[Trace] = []
-    axes: list[dict[str, Any]] = []
-    for row, (symbol, name) in enumerate(
-        (("μ<sub>max</sub>", "mu_max"), ("λ<sub>m</sub>", "lambda_m"))
+    for row, (title, name) in enumerate(
+        (
+            ("maximum adhesion μ<sub>max</sub>", "mu_max"),
+            ("slip ratio at it λ<sub>m</sub>", "lambda_m"),
+        )
     ):
-        shown = {"legendgroup": "band", "name": "95 % interval", "showlegend": row == 0}
         bx, by = band(x, lower[row], upper[row])
         area = {"fill": "toself", "fillcolor": faded(BLUE), "hoverinfo": "skip"}
-        data.append(_line(bx, by, BLUE, width=0) | area | shown | place(row))
-        line = _line(*_envelope(x, lowest[row], highest[row]), BLUE, width=1.5)
-        shown = {"legendgroup": "estimate", "name": "estimate", "showlegend": row == 0}
-        data.append(line | shown | place(row))
+        traces = [line("95 % interval", bx, by, {"color": BLUE, "width": 0}) | area]
+        style = {"color": BLUE, "width": 1.5}
+        traces.append(line("estimate", *_envelope(x, lowest[row], highest[row]), style))
         if truth:
-            data.append(_true_line(truth, name, scale, first=row == 0) | place(row))
+            traces.append(_true_line(truth, name, scale))
         highs = [highest[row], np.array([float(s[name]) for s in truth])]
-        axes.append({"title": {"text": symbol}, "range": [0.0, _top(highs)]})
-    speed = _line(*_envelope(x, KMH * lowest[2], KMH * highest[2]), ORANGE, width=1.5)
-    data.append(speed | {"name": "vehicle speed", "showlegend": False} | place(2))
-    axes.append({"title": {"text": "speed<br>km/h"}, "rangemode": "tozero"})
-    rows = _state_rows(record, scale)
-    data += [row | place(3) for row in rows]
-    axes.append({"type": "category", "range": [len(rows) - 0.4, -0.6]})
-    heights = [190.0, 190.0, 110.0, 26.0 * max(len(rows), 1)]
-    height = round(sum(heights)) + 150
-    layout = panel_layout(axes, scale.title, height, heights)
-    if len(record.surfaces) <= MOST_LINES:
-        begins = np.array([s.from_us for s in record.surfaces[1:]], dtype=np.float64)
-        layout["shapes"] = [
-            {"type": "line", "xref": "x", "yref": f"y{suffix(row)} domain", "x0": at, "x1": at,
-             "y0": 0, "y1": 1, "line": {"color": GREY, "width": 1, "dash": "dot"}}
-            for at in scale.of(begins).tolist() for row in range(3)
-        ]  # fmt: skip
-    layout["annotations"] = _names(truth, scale)
-    where = "distance" if over_distance else "time"
-    caption = (
-        f"Estimates over {where}: maximum adhesion, its slip ratio, vehicle speed, status and "
-        f"doubt. Dotted lines: surface changes declared by the service. {_resolution(record)}"
-    )
-    return Figure(caption, data, layout, height, f"over-{where}")
+        yield Panel(title, traces, {"range": [0.0, _top(highs)]}, 190.0)
+    if with_speed:
+        style = {"color": ORANGE, "width": 1.5}
+        points = _envelope(x, KMH * lowest[2], KMH * highest[2])
+        speed = line("vehicle", *points, style)
+        yield Panel("vehicle speed, km/h", [speed], {"rangemode": "tozero"}, 110.0)
 
 
 def _resolution(record: DriveRecord) -> str:
@@ -113,7 +132,7 @@ def _resolution(record: DriveRecord) -> str:
     total = sum(record.statuses.values())
     if total <= count:
         return "Every setpoint is drawn."
-    return f"Thinned to {count} points; extremes are kept."
+    return f"{total} setpoints are thinned to {count} points; extremes are kept."
 
 
 class _Abscissa:
@@ -123,7 +142,7 @@ class _Abscissa:
         times = TimeScale.beginning_at(record.first_us)
         self._zero_us = times.zero_us
         self._known: tuple[Array, Array] | None = None
-        self.title = f"time, s{times.note}"
+        self.title = "time, s"
         if over_distance:
             far = record.distance >= FROM_KM
             self.title = "distance travelled, km" if far else "distance travelled, m"
@@ -137,11 +156,6 @@ class _Abscissa:
         if not len(self._known[0]):
             return np.zeros(len(t_us))
         return np.interp(t_us, *self._known)
-
-
-def _line(x: Array, y: Array, colour: str, width: float) -> Trace:
-    style = {"color": colour, "width": width}
-    return {"type": "scatter", "mode": "lines", "x": x, "y": y, "line": style}
 
 
 def _envelope(x: Array, low: Array, high: Array) -> tuple[Array, Array]:
@@ -158,15 +172,12 @@ def _top(series: Sequence[Array]) -> float:
     return 1.2 * float(np.quantile(values, 0.995)) if len(values) else 0.5
 
 
-def _true_line(
-    truth: Sequence[Mapping[str, Any]], name: str, scale: _Abscissa, *, first: bool
-) -> Trace:
+def _true_line(truth: Sequence[Mapping[str, Any]], name: str, scale: "_Abscissa") -> Trace:
     ends = np.array([[s["from_s"], s["to_s"]] for s in truth], dtype=np.float64)
     x = np.append(scale.of(1e6 * ends.ravel()).reshape(-1, 2), np.full((len(ends), 1), np.nan), 1)
     y = np.repeat([float(s[name]) for s in truth], 3)
     style = {"color": DARK, "width": 1.5, "dash": "dash"}
-    shown = {"name": "truth", "legendgroup": "truth", "showlegend": first}
-    return {"type": "scatter", "mode": "lines", "x": x.ravel(), "y": y, "line": style} | shown
+    return line("truth", x.ravel(), y, style)
 
 
 def _names(truth: Sequence[Mapping[str, Any]], scale: _Abscissa) -> list[dict[str, Any]]:
@@ -229,9 +240,11 @@ def surface_figures(
 
     """
     times = TimeScale.beginning_at(record.first_us)
+    height = 300 if len(shown) > 1 else 420
     number = {id(surface): place for place, surface in enumerate(record.surfaces, start=1)}
     return [
-        _curve_figure(surface, number[id(surface)], times, slip_max, truth) for surface in shown
+        _curve_figure(surface, number[id(surface)], times, slip_max, truth, height)
+        for surface in shown
     ]
 
 
@@ -241,6 +254,7 @@ def _curve_figure(
     times: TimeScale,
     slip_max: float,
     truth: Sequence[Mapping[str, Any]],
+    height: int,
 ) -> Figure:
     out, cloud = surface.last, surface.cloud or Cloud.empty()
     slip = np.abs(cloud.slip)
@@ -260,15 +274,12 @@ def _curve_figure(
     ]  # fmt: skip
     true = _true_surface(surface, truth)
     if out.theta is not None:
-        data.append(
-            _line(grid, adhesion(grid, *out.theta), BLUE, 2.4) | {"name": "last curve sent"}
-        )
+        style = {"color": BLUE, "width": 2.4}
+        data.append(line("last curve sent", grid, adhesion(grid, *out.theta), style))
     if true is not None:
         theta = (float(true[name]) for name in ("c1", "c2", "c3"))
         style = {"color": DARK, "width": 1.5, "dash": "dash"}
-        data.append(
-            _line(grid, adhesion(grid, *theta), DARK, 1.5) | {"name": "truth", "line": style}
-        )
+        data.append(line("truth", grid, adhesion(grid, *theta), style))
     point = out.setpoint
     if point.mu_max is not None and point.lambda_m is not None:
         data.append(_peak(point.lambda_m, point.mu_max, out.lambda_m_std, out.mu_max_std))
@@ -283,7 +294,7 @@ def _curve_figure(
         "xaxis": {"title": {"text": "slip ratio |λ|"}, "range": [0.0, end]},
         "yaxis": {"title": {"text": "adhesion μ"}, "range": _span(adhesions, point.mu_max)},
     }
-    return Figure(caption, data, layout, 300, f"surface-{number}")
+    return Figure(caption, data, layout, height, f"surface-{number}")
 
 
 def _span(values: Array, peak: float | None) -> list[float]:

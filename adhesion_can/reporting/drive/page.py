@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from adhesion_can.config import Configuration
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.objection import WORDINGS
 from adhesion_can.physics.status import Status
 from adhesion_can.plurals import in_words
 from adhesion_can.reporting.drive.figures import overview_figure, state_name, surface_figures
 from adhesion_can.reporting.drive.recorder import DriveRecord
+from adhesion_can.reporting.drive.signal_panels import signal_panels, signal_table
 from adhesion_can.reporting.drive.surfaces import A_BIN, SLIP_BINS, Surface, longest
 from adhesion_can.reporting.page import Figure, Grid, Page, Part, Section, Table, Text
 from adhesion_can.result_text import TimeScale, plus_minus
@@ -44,22 +46,23 @@ class DriveTexts:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
 
-def page(record: DriveRecord, texts: DriveTexts, slip_max: float) -> Page:
+def page(record: DriveRecord, texts: DriveTexts, config: Configuration) -> Page:
     """Build the page of a drive.
 
     Args:
         record: Drive as the service saw it.
         texts: What the page says besides.
-        slip_max: Largest slip ratio that the estimator uses.
+        config: Configuration of the service.
 
     """
-    sections = {"Overview": _overview(record, texts.truth)}
+    slip_max = config.estimators.identifiability.slip_max
+    sections = {"Overview": _overview(record, texts.truth, config)}
     if texts.comparison:
         sections["Truth and estimate"] = list(texts.comparison)
     sections |= {
         "Surfaces": _surfaces(record, texts.truth, slip_max),
         "Status, doubt and objections": _states(record),
-        "Data quality": list(texts.quality),
+        "Data quality": [*texts.quality, signal_table(record.signals, config)],
     }
     return Page(
         title=texts.title,
@@ -67,13 +70,18 @@ def page(record: DriveRecord, texts: DriveTexts, slip_max: float) -> Page:
         verdict=[*_verdict(record), *texts.verdict],
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=texts.provenance,
+        begin=TimeScale.beginning_at(record.first_us).heading(),
     )
 
 
-def _overview(record: DriveRecord, truth: Sequence[Mapping[str, Any]]) -> list[Part]:
+def _overview(
+    record: DriveRecord, truth: Sequence[Mapping[str, Any]], config: Configuration
+) -> list[Part]:
     if not len(record.history):
         return [Text("The service sent no setpoint, because it accepted no input.")]
-    parts: list[Part] = [overview_figure(record, truth)]
+    times = TimeScale.beginning_at(record.first_us)
+    signals = signal_panels(record.signals, config, times.zero_us)
+    parts: list[Part] = [overview_figure(record, truth, signals)]
     if record.distance > 0:
         parts.append(overview_figure(record, truth, over_distance=True))
     else:
@@ -151,7 +159,7 @@ def _surfaces(
             zip(record.surfaces[:MOST_ROWS], before, strict=False), start=1
         )
     ]
-    columns = ("surface", f"span, s{times.note}", "distance, m", "μ_max", "λ_m", "c1", "c2", "c3",
+    columns = ("surface", "span, s", "distance, m", "μ_max", "λ_m", "c1", "c2", "c3",
                "status", "doubt")  # fmt: skip
     note = (
         "The last values sent on each surface, ± standard deviation; ± ?: not identifiable. c1, "
@@ -171,7 +179,7 @@ def _surfaces(
             )
         )
         figures: list[Figure] = surface_figures(record, shown, slip_max, truth)
-        parts.append(Grid(figures))
+        parts.append(figures[0] if len(figures) == 1 else Grid(figures))
     return parts
 
 
@@ -227,7 +235,7 @@ def _states(record: DriveRecord) -> list[Part]:
         )
         for change, end in zip(record.changes[:MOST_ROWS], ends, strict=False)
     ]
-    headings = (f"from s{times.note}", "for s", "at m", "status", "doubt", "objection")
+    headings = ("from s", "for s", "at m", "status", "doubt", "objection")
     caption = "Log of changes of status, doubt and objection."
     parts.append(Table(caption, headings, log, _rest(record.change_count, "changes")))
     return parts

@@ -13,6 +13,8 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.drive.history import History, HistoryRecorder
 from adhesion_can.reporting.drive.surfaces import Surface, SurfaceRecorder
+from adhesion_can.sampling.column_former import Readings
+from adhesion_can.sampling.drive_signals import DriveSignals
 from adhesion_can.service.outputs import Outputs
 
 MOST_CHANGES = 2000
@@ -54,6 +56,7 @@ class DriveRecord:
         first_us: Stamp of the first setpoint, µs; 0 where there is none.
         last_us: Stamp of the last setpoint, µs; 0 where there is none.
         distance: Distance travelled where the speed is known, m.
+        signals: Readings and slips over time, thinned.
 
     """
 
@@ -67,6 +70,7 @@ class DriveRecord:
     first_us: int
     last_us: int
     distance: float
+    signals: DriveSignals
 
 
 class DriveRecorder:
@@ -80,6 +84,7 @@ class DriveRecorder:
     def __init__(self, slip_max: float) -> None:
         self._history = HistoryRecorder()
         self._surfaces = SurfaceRecorder(slip_max)
+        self._signals = DriveSignals()
         self._changes: list[StateChange] = []
         self._change_count = 0
         self._state: tuple[Status, Doubt, Objection] | None = None
@@ -109,6 +114,11 @@ class DriveRecorder:
     def add_samples(self, samples: Samples) -> None:
         """Add samples, in the order of their collection."""
         self._surfaces.add_samples(samples)
+        self._signals.add_samples(samples)
+
+    def add_readings(self, readings: Readings) -> None:
+        """Add the readings of accepted frames, in the order of their stamps."""
+        self._signals.add(readings)
 
     def result(self) -> DriveRecord:
         """The drive so far."""
@@ -123,6 +133,7 @@ class DriveRecorder:
             first_us=self._first_us or 0,
             last_us=self._last_us,
             distance=self._history.distance,
+            signals=self._signals,
         )
 
 
