@@ -62,6 +62,10 @@ _SHOWN: Mapping[str, _Shown] = {
 """The roles with a panel of their own, from the top to the bottom."""
 
 
+_ORDER = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, *_SHOWN, Role.CHANNEL)
+"""Roles in the order of their panels, for the table."""
+
+
 @dataclass(frozen=True, slots=True)
 class SignalPanels:
     """Panels of the signals of a drive, and what is said of them.
@@ -172,7 +176,10 @@ def signal_table(signals: DriveSignals, config: Configuration, name: str = "") -
 
     """
     rows = []
-    for (role, axle), one in sorted(signals.series().items()):
+    order = {role: number for number, role in enumerate(_ORDER)}
+    found = signals.series()
+    for role, axle in sorted(found, key=lambda signal: (order[signal[0]], signal[1])):
+        one = found[role, axle]
         known = np.isfinite(one.lowest)
         rows.append(
             (
