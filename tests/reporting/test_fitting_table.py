@@ -45,11 +45,11 @@ def test_what_fits_is_one_table_and_what_does_not_goes_on_below_with_its_first_c
     assert narrow.count("wide") == 1
 
 
-def test_stamps_that_are_dates_count_from_their_begin_and_others_stay():
+def test_times_count_from_the_first_stamp_and_the_heading_says_which_that_is():
     times = TimeScale.beginning_at(1_790_000_000_250_000)
     assert times.span(1_790_000_000_250_000, 1_790_000_006_250_000) == "0.0 .. 6.0"
     assert times.begin == "2026-09-21 14:13:20 UTC"
-    assert times.note == ", time from 2026-09-21 14:13:20 UTC on"
+    assert times.note == ", time since 2026-09-21 14:13:20 UTC"
     recording = TimeScale.beginning_at(12_000_000)
     assert recording.span(12_000_000, 13_500_000) == "0.0 .. 1.5"
     assert recording.heading("a.log") == "Time 0 of a.log is 12 s on the recording's clock."
