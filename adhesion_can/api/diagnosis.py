@@ -9,8 +9,8 @@ import numpy as np
 
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
 from adhesion_can.api.drive_signals import thin_signals
+from adhesion_can.api.formulas import read_formulas, require_formula_applies
 from adhesion_can.api.inputs import RecordingLike, as_paths, describe_table, require_plausible
-from adhesion_can.arrays import Array
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.diagnose import DiagnosisSettings, ShowProgress
@@ -18,7 +18,6 @@ from adhesion_can.diagnosis.diagnose import diagnose as _diagnose
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.from_table import build_drive_data_from_table
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
-from adhesion_can.diagnosis.regression.model import compute_factor
 from adhesion_can.diagnosis.result import Diagnosis, InputFile
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
@@ -28,9 +27,7 @@ from adhesion_can.offline.points import Points
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, slips_of_traces
 from adhesion_can.offline.witness import compute_doubt_shares
 from adhesion_can.physics.driving_plan import PlanLimits
-from adhesion_can.physics.effects import ActiveEffect, build_instruments
-from adhesion_can.physics.effects.expression import ExpressionError
-from adhesion_can.physics.effects.formula import AnyFormula, Formula, parse_formula
+from adhesion_can.physics.effects.formula import AnyFormula
 from adhesion_can.recordings.problems import describe_problems, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.recordings.tables.choice import ColumnChoice
@@ -294,61 +291,6 @@ def _load_table(input_file: InputFile, config: Configuration) -> LoadedInput:
     )
 
 
-def read_formulas(texts: Iterable[str]) -> tuple[AnyFormula, ...]:
-    """Formulas as a user writes them.
-
-    Raises:
-        InputError: A formula cannot be read.
-
-    """
-    found = []
-    for text in texts:
-        try:
-            found.append(parse_formula(text))
-        except ExpressionError as error:
-            mend = (
-                "write it as '1 + a * max(wind - b, 0) where a=0.1, b=5', with the size as the "
-                "first constant"
-            )
-            raise InputError(f"formula {text!r}", str(error), mend) from error
-    return tuple(found)
-
-
-def _require_formula_applies(formula: AnyFormula, drive: DriveData) -> None:
-    """InputError where a formula lacks a channel, or nothing switches it off."""
-    where = f"formula {formula.expression!r}"
-    lacking = formula.requires.lacks(drive.covariates)
-    lacking = lacking or ("speed" if formula.requires.speed and not drive.has_speed else "")
-    lacking = lacking or ("load" if formula.requires.load and not drive.has_load else "")
-    all_efforts = formula.requires.all_efforts and drive.kinematics.efforts is None
-    lacking = lacking or ("total_effort" if all_efforts else "")
-    if lacking:
-        there = ", ".join(("slip", *drive.covariates))
-        what = f"{drive.name} has no {lacking}"
-        raise InputError(
-            where, what, f"known there: {there}; also speed and load if they are measured"
-        )
-    values = (0.0, *(p.typical for p in formula.parameters[1:]))
-    factor = _compute_formula(drive, formula, values)
-    if not np.isfinite(factor).all():
-        what = f"it is not a number in {int((~np.isfinite(factor)).sum())} rows of {drive.name}"
-        raise InputError(where, what, "correct the expression, or start from other constants")
-    if np.ptp(factor) > 1e-9:
-        size = formula.parameters[0].name
-        what = f"with {size} = 0 the factor still varies"
-        raise InputError(where, what, "name the constant that switches it off first")
-
-
-def _compute_formula(drive: DriveData, formula: AnyFormula, values: tuple[float, ...]) -> Array:
-    """Factor by a formula in the rows of a drive, shape (n,)."""
-    active = ActiveEffect(formula, values)
-    if isinstance(formula, Formula):
-        return compute_factor(drive, active)
-    true = drive.observe(build_instruments([active]))
-    factor = drive.observe().speed / true.speed * true.force_gain
-    return np.asarray(factor)
-
-
 def diagnose_inputs(
     loaded: Sequence[LoadedInput],
     show: ShowProgress,
@@ -377,7 +319,7 @@ def diagnose_inputs(
     for formula in formulas:
         for read in loaded:
             if len(read.drive):
-                _require_formula_applies(formula, read.drive)
+                require_formula_applies(formula, read.drive)
     parts = [
         [read for read in loaded if read.input_file.held_out is held] for held in (False, True)
     ]

@@ -13,8 +13,8 @@ from adhesion_can.api.diagnosis import (
     explain_empty,
     list_input_files,
     load_inputs,
-    read_formulas,
 )
+from adhesion_can.api.formulas import read_formulas
 from adhesion_can.cli.bars import bar
 from adhesion_can.cli.common import (
     add_columns,
