@@ -243,9 +243,10 @@ class _SetpointCounts:
         return [doubt for doubt, _ in self.by_doubt.most_common()]
 
     @property
-    def objections(self) -> list[Objection]:
-        """What was objected to, the most frequent first."""
-        return [objection for objection, _ in self.by_objection.most_common()]
+    def objections(self) -> dict[Objection, float]:
+        """Share of the time of each objection, 0..1."""
+        total = self.by_objection.total() or 1
+        return {objection: n / total for objection, n in self.by_objection.items()}
 
     def share(self, count: int) -> str:
         """Share of a number of setpoints in all of them, as text."""

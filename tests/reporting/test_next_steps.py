@@ -187,11 +187,12 @@ def test_radii_agree_or_are_written():
 @pytest.mark.parametrize(
     ("doubts", "objections", "last", "wanted"),
     [
-        ([Doubt.NONE], [Objection.NONE], estimate(), "Next: adhesion-can run -i INTERFACE -c"),
-        ([Doubt.NONE, Doubt.AXLE], [], estimate(), "differ. Next: adhesion-can diagnose"),
-        ([Doubt.AXLE], [Objection.NONE, Objection.LOADS_JUMP], estimate(), "adhesion-can check"),
-        ([Doubt.NONE], [], estimate(identifiable=False), "Next: adhesion-can identify"),
-        ([Doubt.NONE], [], None, "The service found no curve. Next: adhesion-can check"),
+        ([Doubt.NONE], {}, estimate(), "Next: adhesion-can run -i INTERFACE -c"),
+        ([Doubt.NONE, Doubt.AXLE], {}, estimate(), "differ. Next: adhesion-can diagnose"),
+        ([Doubt.NONE], {Objection.EFFORTS_JUMP: 0.012}, estimate(), "Next: adhesion-can run -i"),
+        ([Doubt.AXLE], {Objection.LOADS_JUMP: 0.3}, estimate(), "adhesion-can check"),
+        ([Doubt.NONE], {}, estimate(identifiable=False), "Next: adhesion-can identify"),
+        ([Doubt.NONE], {}, None, "The service found no curve. Next: adhesion-can check"),
     ],
 )  # fmt: skip
 def test_what_follows_a_replay(doubts, objections, last, wanted):

@@ -1,6 +1,6 @@
 """What to do after `check`, `replay`, `identify` and `evaluate`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from adhesion_can.diagnosis.evaluate import Evaluation
 from adhesion_can.estimation.batch_result import BatchResult
@@ -11,6 +11,9 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import WORDINGS, Objection
 from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
 
+LASTS = 0.05
+"""Share of the time from which an objection comes first: a step of all efforts is objected to until
+slip or vehicle speed answer it, and a rail that changes does that."""
 BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
 LIVE = ("-i", "INTERFACE", "-c", "CHANNEL")
 """Options of a bus, for the user to fill in."""
@@ -68,7 +71,7 @@ def after_identification(found: BatchResult, typed: Typed) -> NextStep:
 def after_replay(
     last: Estimate | None,
     doubts: Sequence[Doubt],
-    objections: Sequence[Objection],
+    objections: Mapping[Objection, float],
     typed: Typed,
 ) -> NextStep:
     """What the service ended with, and what to do next.
@@ -76,11 +79,12 @@ def after_replay(
     Args:
         last: Last estimate; None: there is none.
         doubts: What the service doubted, the most frequent first.
-        objections: What it objected to, the most frequent first.
+        objections: Share of the time of each objection, 0..1.
         typed: What the user typed.
 
     """
-    objection = next((one for one in objections if one in WORDINGS), None)
+    lasting = [one for one in WORDINGS if objections.get(one, 0.0) >= LASTS]
+    objection = max(lasting, key=lambda one: objections[one], default=None)
     if objection is not None:
         what = WORDINGS[objection].what
         return NextStep(f"The service objects to the readings: {what}.", typed.on_inputs("check"))
