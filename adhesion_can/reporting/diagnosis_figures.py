@@ -116,8 +116,8 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
     }
     caption = (
         "What decided: the models that were fitted, with the RMSE of their whitened residuals in "
-        "blocks that were left out, in standard deviations σ of the noise. The smallest is the "
-        "best; a paired test over the blocks says whether another one is worse."
+        "held-out blocks, in standard deviations σ of the noise. The smallest is the best; a "
+        "paired test over the blocks says whether another one is worse."
     )
     return Figure(caption, data, layout, 90 + 30 * len(models), "models")
 

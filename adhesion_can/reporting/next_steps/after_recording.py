@@ -114,7 +114,11 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
         name = "identify" if typed.tables else "replay"
         return NextStep("The model's effects hold on these data.", typed.on_inputs(name, *model))
     harm = refitted.interval[1] < 0.0
-    finding = "do harm on these data" if harm else "gain nothing that is certain on these data"
+    finding = (
+        "make the prediction of these data worse"
+        if harm
+        else "gain nothing that is certain on these data"
+    )
     return NextStep(
         f"The model's effects {finding}.", typed.on_inputs("diagnose", "--extended", "NEW.toml")
     )

@@ -126,7 +126,7 @@ def _delay(what: str) -> Describe:
 
 def _once_per_turn(values: Values, _: Configuration) -> Meaning:
     amplitude, axle = values["amplitude"], round(values["axle"].value)
-    return Meaning(f"Axle {axle}'s wheel speed swings by {_percent(amplitude)} once a turn.")
+    return Meaning(f"Axle {axle}'s wheel speed oscillates by {_percent(amplitude)} once a turn.")
 
 
 def _load_transfer(values: Values, _: Configuration) -> Meaning:
