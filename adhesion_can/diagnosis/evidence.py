@@ -29,7 +29,7 @@ DECISIONS = {
     Decision.RIVAL: "the data cannot distinguish it from the cause: it predicts as well, explains "
     "98 % as much with the same signature, or differs only at another speed",
     Decision.OTHER_FORM: "another form of the cause, or another axle",
-    Decision.WORSE: "fitted alone, it predicts blocks that were left out worse than the causes do, "
+    Decision.WORSE: "fitted alone, it predicts held-out blocks worse than the causes do, "
     "by a paired test with this p",
     Decision.WEAKER: "not fitted, since others were more promising",
     Decision.REFUTED: "it helps, and is refuted as a cause",
