@@ -374,14 +374,14 @@ def test_files_of_a_folder_are_written_under_names_of_ours(command):
 
 def test_a_pipe_that_nobody_reads_is_told(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match="is a pipe that nobody reads; start its reader first"):
+    with pytest.raises(InputError, match="is a pipe without a reader; start its reader first"):
         OutputFile(tmp_path / "pipe", reader_wait_s=0.1)
 
 
 def test_a_service_does_not_wait_for_the_reader_of_its_log(tmp_path, monkeypatch):
     monkeypatch.setattr("adhesion_can.pipes.READER_S", 0.1)
     os.mkfifo(tmp_path / "a.log")
-    with pytest.raises(InputError, match="is a pipe that nobody reads"):
+    with pytest.raises(InputError, match="is a pipe without a reader"):
         FrameLog(tmp_path / "a.log", print)
 
 

@@ -96,11 +96,11 @@ class NoMethod:
     ("offered", "what"),
     [
         (Halved(id="humidity"), "an effect 'humidity' exists already"),
-        (replace(Halved(), id="load_dependence", form="power"), "'load_dependence power' already"),
+        (replace(Halved(), id="load_dependence", form="power"), "dependence power' exists"),
         (Halved(id="Halved!"), "its 'id' must consist of lower case letters"),
-        (Halved(title=None), "its 'title' is no str"),
-        (Halved(requires=("speed",)), "its 'requires' is no Requirements"),
-        (Halved(observability="speed"), "its 'observability' is no Observability"),
+        (Halved(title=None), "its 'title' is not of type str"),
+        (Halved(requires=("speed",)), "its 'requires' is not of type Requirements"),
+        (Halved(observability="speed"), "its 'observability' is not of type Observability"),
         (Halved(parameters=()), "its 'parameters' must be one Parameter or more"),
         (Halved(parameters=("share",)), "its 'parameters' must be one Parameter or more"),
         (
@@ -108,7 +108,7 @@ class NoMethod:
             "its size, 'share', must allow 0",
         ),
         (NoMethod(), "it needs a method 'change' or 'amend'"),
-        ("humidity", "its 'id' is no str"),
+        ("humidity", "its 'id' is not of type str"),
     ],
 )
 def test_what_is_no_effect_is_refused_with_the_name_of_its_distribution(installed, offered, what):
@@ -159,7 +159,7 @@ def test_an_estimator_is_made_by_its_name(installed):
 
 @pytest.mark.parametrize(
     ("name", "offered", "what"),
-    [("paper", lambda _: None, "'paper' already"), ("theirs", 3, "cannot be called")],
+    [("paper", lambda _: None, "'paper' exists already"), ("theirs", 3, "cannot be called")],
 )
 def test_what_is_no_estimator_is_refused(installed, name, offered, what):
     installed("adhesion_can.estimators", name, offered)

@@ -60,7 +60,7 @@ COMMANDS: Mapping[str, Command] = {
                 "simulate --scenario sweep --duration 240 --effect load_dependence --log drive.log",
             ),
             (
-                "on a bus, obeying the setpoints of 'run'",
+                "on a bus, following the setpoints of 'run'",
                 "simulate --scenario dry-wet-dry --duration 30 --closed-loop -i socketcan -c vcan0",
             ),
         ),
@@ -77,9 +77,9 @@ COMMANDS: Mapping[str, Command] = {
         "live",
         "the reference creep controller on a bus",
         (
-            ("obey the service, until Ctrl-C", "control -i socketcan -c vcan0"),
+            ("follow the service until Ctrl-C", "control -i socketcan -c vcan0"),
             (
-                "drive what 'diagnose --next-drive' planned",
+                "drive the plan of 'diagnose --next-drive'",
                 "control -i socketcan -c vcan0 --plan plan.toml",
             ),
         ),
@@ -99,7 +99,7 @@ COMMANDS: Mapping[str, Command] = {
         "recording",
         "the service over recordings",
         (
-            ("the setpoints, one in a row", "replay drive.log --table setpoints.csv"),
+            ("the setpoints, one per row", "replay drive.log --table setpoints.csv"),
             (
                 "with the model of 'diagnose', and a page",
                 "replay drive.log --model model.toml --html replay.html",
@@ -123,7 +123,7 @@ COMMANDS: Mapping[str, Command] = {
         (
             ("one table of all signals", "convert drive.blf --dbc mine.dbc --out drive.parquet"),
             (
-                "the speeds alone, a row every 10 ms",
+                "the speeds only, one row every 10 ms",
                 "convert drive.log --dbc mine.dbc --signals '*Speed*' --raster 10ms --out v.csv",
             ),
         ),
@@ -189,7 +189,7 @@ COMMANDS: Mapping[str, Command] = {
                 "calibrate drive.log --config mine.toml",
             ),
             (
-                "write the configuration with the radii that were found",
+                "write the configuration with the calibrated radii",
                 "calibrate drive.log --config mine.toml --out calibrated.toml",
             ),
         ),

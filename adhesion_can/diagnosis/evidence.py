@@ -29,14 +29,14 @@ DECISIONS = {
     Decision.RIVAL: "the data cannot distinguish it from the cause: it predicts as well, explains "
     "98 % as much with the same signature, or differs only at another speed",
     Decision.OTHER_FORM: "another form of the cause, or another axle",
-    Decision.WORSE: "fitted alone, it predicts held-out blocks worse than the causes do, "
-    "by a paired test with this p",
-    Decision.WEAKER: "not fitted, since others were more promising",
-    Decision.REFUTED: "it helps, and is refuted as a cause",
-    Decision.IMPLAUSIBLE: "it fits with a size that no vehicle has",
-    Decision.NOT_NAMED: "fitted, and its gain is too small or not certain",
+    Decision.WORSE: "fitted alone, it predicts held-out blocks worse than the causes do "
+    "(paired test with this p)",
+    Decision.WEAKER: "not fitted, because others were more promising",
+    Decision.REFUTED: "it helps, but is refuted as a cause",
+    Decision.IMPLAUSIBLE: "it fits only with a size that no vehicle has",
+    Decision.NOT_NAMED: "fitted, but its gain is too small or not certain",
     Decision.NOT_SIGNIFICANT: "noise explains it",
-    Decision.IMITATED: "the curve's own parameters imitate it",
+    Decision.IMITATED: "the parameters of the curve imitate it",
 }
 """Meaning of each decision, a clause."""
 

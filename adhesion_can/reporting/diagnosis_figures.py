@@ -115,9 +115,9 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
         "bargap": 0.3,
     }
     caption = (
-        "What decided: the models that were fitted, with the RMSE of their whitened residuals in "
-        "held-out blocks, in standard deviations σ of the noise. The smallest is the best; a "
-        "paired test over the blocks says whether another one is worse."
+        "What decided: RMSE of the whitened residuals of each fitted model in held-out blocks, in "
+        "standard deviations σ of the noise. Smaller is better; a paired test over the blocks "
+        "shows whether another model is worse."
     )
     return Figure(caption, data, layout, 90 + 30 * len(models), "models")
 

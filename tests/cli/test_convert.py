@@ -369,7 +369,7 @@ def test_a_recording_without_a_row_names_the_reason(tmp_path, capsys, lines, opt
     ("arguments", "message"),
     [
         (("{log}", "--out", "{dir}/none/o.csv"), "its folder does not exist"),
-        (("{log}", "--out", "{dir}/o.xls"), "of no known format"),
+        (("{log}", "--out", "{dir}/o.xls"), "unknown format"),
         (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/none/o.json"), "--json"),
         (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/x/../o.csv"), "of --out too"),
         (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/o.csv"), "is one of the inputs"),
@@ -549,7 +549,7 @@ def test_a_reader_of_the_stream_that_goes_is_no_error(tmp_path):
     [
         (("--out", "-", "--json", "-"), "--json -: stdout has the Arrow stream"),
         (("--out", "{dir}/o/", "--raster", "10ms"), "--raster writes one table"),
-        (("--out", "{dir}/o.mcap", "--raster", "10ms"), "of no known format"),
+        (("--out", "{dir}/o.mcap", "--raster", "10ms"), "unknown format"),
         (("--out", "{dir}/none/o/"), "its folder does not exist"),
         (("--out", "{dir}/"), "contains files that convert did not write"),
         (("--out", "{log}/"), "is a file; name a folder"),

@@ -126,7 +126,7 @@ def test_a_pipe_that_nobody_reads_is_an_error_with_a_word_of_help(tmp_path, pipe
     with ServiceProcess(tmp_path, "--log", str(pipe)) as service:
         assert service.process.wait(PATIENCE_S) == 2
         (line,) = service.said().splitlines()
-        assert "is a pipe that nobody reads; start its reader first, or name a file" in line
+        assert "is a pipe without a reader; start its reader first, or name a file" in line
         assert service.frames == []
 
 

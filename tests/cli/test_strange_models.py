@@ -65,7 +65,7 @@ def test_evaluate_counts_the_rows_in_which_a_formula_has_no_value(log, model, tm
     assert main(["evaluate", str(log), "--model", path, "--json", out]) == 0
     left_out = json.loads((tmp_path / "e.json").read_text())["left_out"]
     assert left_out > 0
-    assert f"{left_out} rows left out" in capsys.readouterr().out
+    assert f"dropped {left_out} rows" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("expression", NOWHERE[:4])

@@ -67,7 +67,7 @@ def wrong(tmp_path, text):
         ('mode = "traction"', 'mode = "sideways"', "step[1].mode: 'sideways'"),
         ('mode = "traction"', "", "step[1].mode: missing"),
         ("slip = [0.0, 0.1]", "slip = [0.0, 0.3]", "step 1 has a slip beyond slip_max"),
-        ("slip = [0.0, 0.1]", "slip = [0.0, -0.1]", "without a sign"),
+        ("slip = [0.0, 0.1]", "slip = [0.0, -0.1]", "slips have no sign"),
         ("slip = [0.0, 0.1]", "slip = [0.1]", "1 values"),
         ("slip = [0.0, 0.1]", "slips = [0.0, 0.1]", "step[1].slips: unknown key"),
         ("duration_s = 2.0", "duration_s = 0.0", "duration_s must be above 0"),

@@ -217,7 +217,7 @@ def test_the_examples_that_took_terabytes(tmp_path):
 
 
 def test_a_program_that_builds_settings_keeps_to_the_same_ranges():
-    with pytest.raises(ValueError, match=r"curves must be within 64 \.\. 16384, and is 32"):
+    with pytest.raises(ValueError, match=r"curves must be within 64 \.\. 16384, not 32"):
         type(load_configuration().estimators.tracker)(curves=32)
 
 

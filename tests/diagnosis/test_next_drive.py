@@ -250,7 +250,7 @@ def test_a_pair_that_no_drive_parts_does_not_keep_the_others_together():
     nearly_plain = explanation("slow_drift", -1e-7)
     found = plan_drive((BIAS, nearly_plain, explanation()), SETTING, PlanLimits(duration_max=30.0))
     assert found.plan is not None
-    missed = "does not do: within the limits no drive of up to 30 s tells the plain curve from slow"
+    missed = "within the limits, no drive of up to 30 s distinguishes the plain curve from slow"
     assert missed in found.sentence
     power = {(pair.explanation, pair.rival): pair.power for pair in found.pairs}
     assert power.pop((nearly_plain.name, PLAIN)) < 0.5
@@ -349,7 +349,7 @@ def test_a_rival_without_a_law_is_named_where_there_is_no_plan(rivalled, monkeyp
     assert found.next_drive.plan is None
     assert "distinguishes load_dependence burckhardt from load_transfer" in found.next_step
     assert "Next: to distinguish load_dependence from load_transfer, record" in found.next_step
-    assert "one explanation is left" not in found.next_step
+    assert "one explanation remains" not in found.next_step
 
 
 @pytest.mark.slow

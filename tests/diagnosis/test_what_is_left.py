@@ -55,7 +55,7 @@ def test_a_cause_with_too_small_a_share_is_the_closest(worn, monkeypatch):
     found = diagnose(worn)
     assert found.causes == ()
     (closest,) = (one for one in found.closest if one.effect == "wheel_radius")
-    assert "of what the sensors' noise does not explain" in closest.refuted_by
+    assert "of the residual beyond the sensor noise" in closest.refuted_by
     assert found.verdict.value == "unexplained"
 
 

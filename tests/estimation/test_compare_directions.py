@@ -35,7 +35,7 @@ def test_another_adhesion_in_braking_leaves_no_identifiable_peak(factor):
         (one,) = identify(slip, np.where(slip < 0, factor, 1.0) * adhesion).segments
         assert not one.estimate.identifiable.mu_max
         assert np.sign(one.directions.difference) == np.sign(1.0 - factor)
-        assert "adhesion of traction" in one.sentence(TimeScale())
+        assert "adhesion in traction" in one.sentence(TimeScale())
 
 
 def test_slips_without_a_force_are_no_fall_beyond_a_peak():

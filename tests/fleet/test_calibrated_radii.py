@@ -52,8 +52,8 @@ def calibration(*deviations, std=1e-4, coasting_s=20.0, blocks=6, effort=True):
         (calibration(-0.012, blocks=2, std=2e-4), {}, "not certain"),
         (calibration(-0.012, coasting_s=9.0), {}, "not certain: 10 s"),
         (calibration(-0.012, std=0.0), {}, "not certain"),
-        (calibration(-0.012, -0.3), {}, "axle 2 -30.00 % ± 0.01 %: more than 10 % is no wear"),
-        (calibration(-0.012, effort=False), {}, "no tractive effort"),
+        (calibration(-0.012, -0.3), {}, "axle 2 -30.00 % ± 0.01 %: a change of more than 10 %"),
+        (calibration(-0.012, effort=False), {}, "without tractive effort"),
         (replace(calibration(), axles=(AxleRadius(1, 0.6, None, 0.0, 0),)), {}, ""),
     ],
 )

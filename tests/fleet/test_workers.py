@@ -33,7 +33,7 @@ class Answering:
     [
         (None, "the scheduler has no workers; start some with 'dask worker tcp://s'"),
         (ModuleNotFoundError("No module named 'adhesion_can'"), "lacks the package"),
-        (RuntimeError("broken"), "worker tcp://a:1 cannot begin (broken)"),
+        (RuntimeError("broken"), "worker tcp://a:1 cannot start (broken)"),
         (("0.0.1", ""), "has adhesion-can 0.0.1, this is " + __version__),
         ((__version__, "cannot access /x"), "cannot access /x; mount it there under the same path"),
     ],

@@ -25,9 +25,9 @@ def test_a_slip_or_a_force_that_is_never_below_0_is_told(noise):
     slip = SLIP + noise * RNG.standard_normal(240)
     (one,) = said(np.abs(slip), ADHESION)
     assert one.fatal
-    assert "the slip is never below 0 while the force is in 50 % of the rows" in one.what
+    assert "the slip is never below 0, but the force is in 50 % of the rows" in one.what
     (one,) = said(slip, np.abs(ADHESION))
-    assert "the force is never below 0 while the slip is in 50 %" in one.what
+    assert "the force is never below 0, but the slip is in 50 %" in one.what
 
 
 @pytest.mark.parametrize(

@@ -156,7 +156,7 @@ def test_a_slip_late_by_half_a_swing_is_not_called_reversed(seed):
     slip, adhesion, t_us = late(seed, 20)
     (finding,) = inspect_points(Points(slip, adhesion, t_us))
     assert "opposite signs" in finding.what
-    assert "the slip may come 1 s after the force" in finding.what
+    assert "the slip may lag the force by 1 s" in finding.what
     assert finding.mend.startswith("shift the late one")
     assert "sign=-1" not in finding.mend
     # Turned and in step: its sign explains all, and nothing is late.

@@ -195,7 +195,7 @@ def test_a_file_cut_at_any_byte_gives_what_is_whole_and_says_so(folder):
         assert told or len(found) == len(whole) or is_edge(content, length)
     for length in range(72):  # as far as the fields of the head reach
         what = "it ends there" if length else "the file is empty"
-        with pytest.raises(RecordingError, match=rf"head cannot be read \({what}\)"):
+        with pytest.raises(RecordingError, match=rf"header cannot be read \({what}\)"):
             read(folder, content[:length])
 
 

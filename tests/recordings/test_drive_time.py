@@ -213,7 +213,7 @@ def test_no_half_of_a_drive_is_lost(drives, tmp_path, capsys):
         rows[name] = len(out.read_text().splitlines())
         said = capsys.readouterr().out
         assert ("steps back 1 time" in said) is (name == "back")
-        assert "stamped before" not in said
+        assert "stamped earlier" not in said
     assert rows["back"] == pytest.approx(rows["whole"], abs=4)
 
 

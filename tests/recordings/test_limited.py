@@ -91,7 +91,7 @@ def test_a_refusal_is_the_same_error():
 @pytest.mark.parametrize(
     ("work", "words"),
     [
-        (endless, "more than 1 s of the processor"),
+        (endless, "more than 1 s of processor time"),
         (greedy, "more than 100 MiB of memory"),
         (crashing, r"ended early \(SIGSEGV\)"),
         (failing, r"failed \(KeyError: 'a\\nb'\)"),

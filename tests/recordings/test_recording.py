@@ -717,7 +717,7 @@ def test_lines_that_python_can_warns_of_are_reported_once(tmp_path, capfd):
     items, report = read_both_ways(path)
     assert len(items) == 20
     logged, counted = sorted(report.notes)
-    assert logged.startswith("python-can gives 2 warnings")
+    assert logged.startswith("python-can reports 2 warnings")
     assert "'what'" in logged
     assert "3 of 23 lines" in counted  # of one of them it logs nothing
     assert not capfd.readouterr().err
@@ -768,7 +768,7 @@ def test_an_asc_that_is_cut_is_reported(tmp_path, packed):
     items, report = read_both_ways(path)
     assert 5 < len(items) < 20
     (note,) = report.notes
-    assert "may be cut" in note
+    assert "may be truncated" in note
 
 
 # --- what is no file, and marks in front of text -------------------------------------------------

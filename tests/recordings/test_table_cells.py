@@ -193,7 +193,7 @@ def test_comments_and_lines_below_are_told(tmp_path):
     lines[4:4] = ["# sand from here", "// twice"]
     notes = read_table(written(tmp_path, "\n".join([*lines, "", "Total: 12", "End"]))).notes
     assert "skipped 2 lines of comment between the rows" in notes
-    assert any("2 lines below the rows left out" in note and "Total: 12" in note for note in notes)
+    assert any("skipped 2 lines below the rows" in note and "Total: 12" in note for note in notes)
 
 
 @pytest.mark.parametrize("end", ["0.6,0.013", "0.6,0.013,5,6,7"])

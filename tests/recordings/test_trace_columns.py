@@ -373,7 +373,7 @@ def test_a_trace_cut_anywhere_gives_what_is_whole(folder, suffix):
     ],
 )
 def test_a_head_that_cannot_be_read_is_an_error(folder, text, says):
-    with pytest.raises(RecordingError, match=r"a\.trc.*head cannot be read") as error:
+    with pytest.raises(RecordingError, match=r"a\.trc.*header cannot be read") as error:
         read(folder, text, ".trc")
     assert says in str(error.value)
 

@@ -422,7 +422,7 @@ def test_a_gain_says_how_it_was_computed():
     method = GainMethod.WHERE_IT_ACTS | GainMethod.WITHOUT_SPEED_ERRORS
     document = replace(plain, method=method).to_dict()
     assert document["method"] == ["without_speed_errors", "where_it_acts"]
-    assert document["held_out"].startswith(plain.held_out + "; vehicle-speed errors that all")
+    assert document["held_out"].startswith(plain.held_out + "; vehicle-speed errors")
     assert document["held_out"].endswith("; the interval is that of the gain on these data, where "
                                          "the models differ")  # fmt: skip
 

@@ -132,7 +132,7 @@ RIVALLED = replace(DELAY, rivals=("wheel_speed_delay",))
         (replace(nothing(), evidence=()), LOG, "Next: adhesion-can identify 'drive one.log'"),
         (unexplained(), LOG, "--formula '1 + a * NAME where a=0.01'"),
         (replace(unexplained(), closest=named().closest), LOG, "--next-drive plan.toml"),
-        (replace(unexplained(), saturated=True), LOG, "widen the range of the effort signals"),
+        (replace(unexplained(), saturated=True), LOG, "widen the range of the clipped"),
     ],
 )  # fmt: skip
 def test_what_follows_a_diagnosis_is_what_was_not_done_yet(found, typed, wanted):

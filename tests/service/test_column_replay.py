@@ -205,7 +205,7 @@ def spoiled(seed, seconds=3.0):
 
 
 def without_strays(items, report):
-    """The items less those with a broken stamp far ahead, one by one."""
+    """The items less those with a stamp is far ahead, one by one."""
     detector, suspect = _StrayDetector(report), None
     for item in items:
         suspect_is_valid, valid = detector.add(item.t_us)

@@ -218,7 +218,7 @@ def test_a_pipe_that_nobody_reads_is_an_error_in_a_bounded_time(tmp_path, monkey
     path = tmp_path / f"a.log{suffix}"
     os.mkfifo(path)
     monkeypatch.setattr("adhesion_can.pipes.READER_S", 0.1)
-    with pytest.raises(InputError, match="nobody reads"):
+    with pytest.raises(InputError, match="without a reader"):
         LogBehind(path, print)
 
 

@@ -35,7 +35,7 @@ def _describe(axle: AxleRadius, rim: Collection[int]) -> str:
     percent = 100.0 * (axle.ratio - 1.0)
     share = f"{abs(percent):.2f} % {'smaller' if percent < 0 else 'larger'} than configured"
     if axle.axle in rim:
-        return f"Axle {axle.axle}'s wheel is {share} (its speed is that of the rim)."
+        return f"Axle {axle.axle}'s wheel is {share} (its signal is a rim speed)."
     return (
         f"Axle {axle.axle}'s wheel is {share}: {axle.configured * axle.ratio:.4f} m, not "
         f"{axle.configured:.4f}."

@@ -49,7 +49,7 @@ def _reservations(found: Diagnosis) -> list[str]:
     if found.verdict is Verdict.UNEXPLAINED:
         said.append(_unexplained(found))
     elif found.verdict is Verdict.NOTHING and found.conclusive:
-        said.append("The plain curve leaves nothing but noise.")
+        said.append("The residual of the plain curve is noise.")
     elif found.verdict is Verdict.NOTHING:
         said.append("These data cannot show whether the plain curve is right.")
     planned = found.next_drive
@@ -60,7 +60,9 @@ def _reservations(found: Diagnosis) -> list[str]:
 
 def _unexplained(found: Diagnosis) -> str:
     if found.channel is None:
-        return "The plain curve leaves more than noise, and no known effect explains it."
+        return (
+            "The residual of the plain curve is more than noise, and no known effect explains it."
+        )
     return (
         f"The error of the plain curve depends on {channel_label(found.channel)}, and no known "
         "effect explains it."
@@ -82,7 +84,7 @@ def _action(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
         return _after_named(found, typed, meanings)
     if found.conclusive:
         return typed.on_inputs("identify")
-    return f"record a longer drive that excites more, then {_together(typed)}"
+    return f"record a longer drive with more excitation, then {_together(typed)}"
 
 
 def _after_named(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
@@ -104,12 +106,12 @@ def _distinguish(found: Diagnosis, typed: Typed) -> str:
 
 def _after_unexplained(found: Diagnosis, typed: Typed) -> str:
     if found.saturated:
-        return "widen the range of the effort signals that are cut off, and record the drive again"
+        return "widen the range of the clipped effort signals, and record the drive again"
     if found.closest:
         return _distinguish(found, typed)
     tested = typed.on_inputs("diagnose", "--formula", "1 + a * NAME where a=0.01")
     source = "give the column" if typed.tables else "add the signal under [channels]"
-    return f"{source} that may be the cause, or test a law of your own: {tested}"
+    return f"{source} that may be the cause, or test your own law: {tested}"
 
 
 def _correct(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:

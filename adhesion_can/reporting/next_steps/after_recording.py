@@ -31,18 +31,18 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
     if failures:
         which = "this fault" if len(failures) == 1 else f"these {len(failures)} faults"
         return NextStep(
-            f"The data are not usable as they are: {failures[0].rstrip('.')}.",
+            f"The data are not usable yet: {failures[0].rstrip('.')}.",
             f"fix {which}, then {typed.on_inputs('check')}",
         )
     fits = [result.fit for result in results if result.fit is not None]
     if not fits:
         return NextStep(
-            "The data are readable, and no adhesion can be computed from them.",
-            "give the roles or columns that are missing, then " + typed.on_inputs("check"),
+            "The data are readable, but adhesion cannot be computed from them.",
+            "add the missing roles or columns, then " + typed.on_inputs("check"),
         )
     if not any(_has_peak(fit) for fit in fits):
         return NextStep(
-            "The data are readable, and no peak is identifiable from them.",
+            "The data are readable, but no peak is identifiable.",
             f"{BEYOND}, then {typed.command('check', typed.new_file('NEW'))}",
         )
     name = "identify" if typed.tables else "replay"
@@ -97,7 +97,9 @@ def after_replay(
     if not last.identifiable.both:
         return NextStep("The drive ends without an identifiable peak.", typed.on_inputs("identify"))
     model = () if typed.model is None else ("--model", typed.model)
-    return NextStep(f"{_peak(last)}, without a doubt.", typed.command("run", *LIVE, *model))
+    return NextStep(
+        f"{_peak(last)}, and the service has no doubt.", typed.command("run", *LIVE, *model)
+    )
 
 
 def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
@@ -115,9 +117,9 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
         return NextStep("The model's effects hold on these data.", typed.on_inputs(name, *model))
     harm = refitted.interval[1] < 0.0
     finding = (
-        "make the prediction of these data worse"
+        ("make the prediction worse on these data")
         if harm
-        else "gain nothing that is certain on these data"
+        else "have no certain gain on these data"
     )
     return NextStep(
         f"The model's effects {finding}.", typed.on_inputs("diagnose", "--extended", "NEW.toml")

@@ -68,7 +68,7 @@ def _wheel_radius(values: Values, configuration: Configuration) -> Meaning:
     if axle in rim_axles(configuration):
         choice = _choice(configuration, Role.WHEEL_SPEED, axle)
         factor = (choice.used_factor if choice else 1.0) * (1.0 + error.value)
-        text = f"Axle {axle}'s wheel is {share}: its sender takes the wrong radius."
+        text = f"Axle {axle}'s wheel is {share}: its sender uses the wrong radius."
         return Meaning(text, f"factor = {factor:.5g} at wheel_speed.{axle}")
     before = radii[axle - 1]
     radii[axle - 1] = before * (1.0 + error.value)
@@ -126,19 +126,22 @@ def _delay(what: str) -> Describe:
 
 def _once_per_turn(values: Values, _: Configuration) -> Meaning:
     amplitude, axle = values["amplitude"], round(values["axle"].value)
-    return Meaning(f"Axle {axle}'s wheel speed oscillates by {_percent(amplitude)} once a turn.")
+    return Meaning(f"Axle {axle}'s wheel speed oscillates by {_percent(amplitude)} once per turn.")
 
 
 def _load_transfer(values: Values, _: Configuration) -> Meaning:
     size = values["size"]
     return Meaning(
-        f"The axle loads lack {_percent(size)} of the load transfer that effort and geometry give."
+        f"The axle loads lack {_percent(size)} of the load transfer computed from effort and "
+        "geometry."
     )
 
 
 def _friction_brake(values: Values, _: Configuration) -> Meaning:
     share = _percent(values["share"])
-    return Meaning(f"A friction brake takes {share} of the braking force, beside the effort.")
+    return Meaning(
+        f"A friction brake takes {share} of the braking force, in addition to the effort."
+    )
 
 
 # ------------------------------------------------------------------------------------ contact
@@ -208,7 +211,7 @@ _BY_FORM: Mapping[tuple[str, str], Describe] = {
     ("brake_blending", "constant"): _friction_brake,
     ("load_dependence", "burckhardt"): _load_squared,
     ("load_dependence", "power"): _load_power,
-    ("rail_cleaning", ""): _per("gain", "Each axle finds {} adhesion than the one in front."),
+    ("rail_cleaning", ""): _per("gain", "Each axle has {} adhesion than the axle ahead."),
     ("sanding", ""): _per("gain", "Under sand there is {} adhesion."),
     ("rain", "level"): _per("gain", "With each level of rain there is {} adhesion."),
     ("humidity", ""): _per("slope", "For each % of humidity there is {} adhesion."),

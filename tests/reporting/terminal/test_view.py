@@ -240,8 +240,8 @@ def test_an_objection_is_a_sentence_in_place_of_a_call_for_creep(objection):
     vague = service(status=Status.LOW_EXCITATION)
     lines = said(snapshot(service=replace(vague, objection=objection)))
     assert any(WORDINGS[objection].what[4:] in line for line in lines)
-    assert not any("It needs" in line for line in lines)
-    assert any("It needs" in line for line in said(snapshot(service=vague)))
+    assert not any("it needs" in line.lower() for line in lines)
+    assert any("it needs" in line.lower() for line in said(snapshot(service=vague)))
 
 
 def test_who_estimates_and_where_nobody_does():
