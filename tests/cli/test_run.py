@@ -80,7 +80,7 @@ def test_a_state_that_is_none_is_told_put_aside_and_the_service_begins_cold(tmp_
         for number, handler in handlers.items():
             signal.signal(number, handler)
     err = capsys.readouterr().err
-    assert "is not used: it is not a state file of adhesion-can; begins cold" in err
+    assert "is not used: it is not a state file of adhesion-can; starting cold" in err
     assert (tmp_path / "state.json.refused").read_text() == '{"c1": 3}'
     assert not state.exists()
 
