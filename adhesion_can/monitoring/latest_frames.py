@@ -166,7 +166,7 @@ class FrameKeeper:
         """Keep a data frame.
 
         Args:
-            key: Identifier of its message in the database; its own where it is none of these.
+            key: Identifier of its message in the database; its own where the database has none.
             frame: Frame.
             rejection: Reason for which the service rejects it; None: it does not.
 
