@@ -48,7 +48,7 @@ def test_controller(tmp_path):
     out = run_example("controller.py", 12, tmp_path)
     assert "hold a slip of 0.0100: no value" in out
     assert "the rail changed" in out
-    assert re.search(r"hold a slip of 0\.0[5-9]\d\d: known", out)
+    assert re.search(r"hold a slip of 0\.0[5-9]\d\d: the peak is known", out)
     assert out.endswith("forged frame refused\n")
 
 

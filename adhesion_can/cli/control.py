@@ -94,13 +94,19 @@ def run(options: argparse.Namespace) -> int:
     }
     write_json(options.json, {**document, **provenance(config)})
     if talk(options):
-        known = loop.progress.shares().items()
-        shares = ", ".join(f"{100 * share:.0f} % {name.upper()}" for name, share in known)
         say(
             f"{loop.received} frames received, {frames.receiver.rejected} rejected; "
-            f"{loop.steps} steps: {shares}; {bus.sent} frames sent"
+            f"{_steps_of(loop.progress)}; {bus.sent} frames sent"
         )
     return 0
+
+
+def _steps_of(progress: "_Progress") -> str:
+    """Number of steps, and what the controller went by in them."""
+    if not progress.steps:
+        return "no step, as the wheel speeds of all axles never came"
+    shares = [f"{100 * share:.0f} % {name.upper()}" for name, share in progress.shares().items()]
+    return f"{progress.steps} steps: {', '.join(shares)}"
 
 
 class _Progress:

@@ -4,46 +4,37 @@ On a terminal Textual draws it (`cli/monitor_app.py`); `--plain` and `--json` wr
 """
 
 import argparse
-import json
-import signal
+import os
 import sys
-import threading
-import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from math import inf, isfinite
 from pathlib import Path
-from types import FrameType
-from typing import TextIO
 
 from adhesion_can.cli.bus_options import add_bus, bus_is_configured, bus_opener
 from adhesion_can.cli.common import (
     add_configuration,
     add_model,
     configuration,
-    finite,
     require_outputs,
     require_positive,
-    talk,
 )
+from adhesion_can.cli.monitor_lines import write_lines
 from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.cli.monitor_source import NOTES, LiveSource, Source
+from adhesion_can.cli.monitor_viewer import VIEWER
 from adhesion_can.cli.silence import bus_name
 from adhesion_can.config import Configuration
-from adhesion_can.errors import ConfigError, InputError
+from adhesion_can.errors import AdhesionCanError, ConfigError, InputError
 from adhesion_can.extras import install_extra
-from adhesion_can.files import whole_file
-from adhesion_can.monitoring.snapshot import Snapshot
 from adhesion_can.printable import say
-from adhesion_can.reporting.terminal.plain import as_json, plain_line
 from adhesion_can.service.bus_listener import EVERY_ID, BusListener
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 
-LOOK_S = 0.05
-"""Time between two looks at whether a line is due, or the end is asked for, s."""
+_AppMaker = Callable[[MonitorSession, float | None], int]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,6 +81,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wait", action="store_true", help="wait for a bus that does not exist yet"
     )
+    parser.add_argument(
+        "--serve",
+        action="store_true",
+        help="show the same view in a browser on this host, at an address that is printed",
+    )
+    parser.add_argument(
+        "--port",
+        type=port,
+        metavar="N",
+        help="port of --serve (default: one that is free)",
+    )
+    parser.add_argument(VIEWER, action="store_true", dest="viewer", help=argparse.SUPPRESS)
     add_model(parser, "its effects are removed if the service runs here")
     add_configuration(parser)
     add_bus(parser)
@@ -113,15 +116,35 @@ def speed(text: str) -> float:
     return value
 
 
+def port(text: str) -> int:
+    """Port by its number; 0 for one that is free.
+
+    Raises:
+        argparse.ArgumentTypeError: It is none.
+
+    """
+    if not (text.isascii() and text.isdigit() and int(text) < 2**16):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port; give a number from 0 to 65535")
+    return int(text)
+
+
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     _require_options(options)
     config = configuration(options)
+    if options.viewer:
+        return _view_in_page(options, config)
     require_outputs(options, {"--json": options.json, "--record": options.record}, options.log)
+    if options.serve:
+        return _serve(options, config)
     in_lines = options.plain or options.json is not None or not _on_terminal()
-    make_app = None if in_lines else _app_maker()
+    return _show(options, config, None if in_lines else _app_maker())
+
+
+def _show(options: argparse.Namespace, config: Configuration, make_app: _AppMaker | None) -> int:
+    """Show the source in a program for terminals, or in lines where there is none."""
     with ExitStack() as stack:
-        source = _open_source(options, config, in_lines=in_lines)
+        source = _open_source(options, config, in_lines=make_app is None)
         stack.callback(source.close)
         session = MonitorSession(config, source)
         stack.callback(session.close)
@@ -129,8 +152,32 @@ def run(options: argparse.Namespace) -> int:
             session.toggle_recording(options.record)
         if make_app is not None:
             return make_app(session, options.duration)
-        _write_lines(options, session, source)
+        write_lines(options, session, source)
     return 0
+
+
+def _serve(options: argparse.Namespace, config: Configuration) -> int:
+    """Serve the view until Ctrl-C; what cannot be shown is an error before it."""
+    try:
+        from adhesion_can.cli.monitor_server import serve  # noqa: PLC0415  an extra
+    except ImportError as error:
+        raise InputError(
+            "--serve", f"needs textual-serve (no module {error.name!r})", install_extra("serve")
+        ) from error
+    if not options.wait:
+        _open_source(options, config, in_lines=True).close()
+    return serve(options.command_line, options.port or 0, options.duration)
+
+
+def _view_in_page(options: argparse.Namespace, config: Configuration) -> int:
+    """The view of one page of --serve; an error is shown in the page."""
+    from adhesion_can.cli.error_app import ErrorApp  # noqa: PLC0415  an extra
+
+    try:
+        return _show(options, config, _app_maker(os.getppid()))
+    except AdhesionCanError as error:
+        ErrorApp(str(error)).run()
+        return 2
 
 
 def _on_terminal() -> bool:
@@ -144,6 +191,14 @@ def _require_options(options: argparse.Namespace) -> None:
         require_positive(options.duration, "--duration")
     if not (isfinite(options.from_s) and options.from_s >= 0):
         raise InputError("--from", f"{options.from_s} is not a time", "give seconds, 0 or more")
+    if options.port is not None and not options.serve:
+        raise InputError("--port", "applies to --serve only", "add --serve, or remove it")
+    others = {"--plain": options.plain, "--json": options.json, "--record": options.record}
+    for name, value in others.items():
+        if options.serve and value:
+            raise InputError(
+                f"--serve and {name}", "exclude each other", f"run another monitor with {name}"
+            )
     on_bus = "interface" in options or "channel" in options
     if not options.log:
         on_bus = on_bus or bus_is_configured()
@@ -202,8 +257,11 @@ def _can_estimate(config: Configuration) -> bool:
     return True
 
 
-def _app_maker() -> Callable[[MonitorSession, float | None], int]:
+def _app_maker(parent: int | None = None) -> _AppMaker:
     """What runs the terminal program, and gives its exit status.
+
+    Args:
+        parent: Process with which the program ends; None: it ends with no other.
 
     Raises:
         InputError: The extra is not installed.
@@ -219,76 +277,8 @@ def _app_maker() -> Callable[[MonitorSession, float | None], int]:
         ) from error
 
     def show(session: MonitorSession, duration_s: float | None) -> int:
-        app = MonitorApp(session, duration_s)
+        app = MonitorApp(session, duration_s, parent)
         app.run()
         return app.return_code or 0
 
     return show
-
-
-def _write_lines(options: argparse.Namespace, session: MonitorSession, source: Source) -> None:
-    """Lines at even times until the end of the recording, of the duration, or Ctrl-C."""
-    with _asked_to_stop() as stop, _json_file(options.json) as file:
-        for snapshot in _snapshots(options, session, source, stop):
-            if talk(options):
-                say(plain_line(snapshot), sys.stdout)
-            if file is not None:
-                file.write(json.dumps(finite(as_json(snapshot)), allow_nan=False) + "\n")
-                file.flush()
-
-
-@contextmanager
-def _asked_to_stop() -> Iterator[threading.Event]:
-    """Event that Ctrl-C and SIGTERM set meanwhile."""
-    stop = threading.Event()
-
-    def ask(_: int, __: FrameType | None) -> None:
-        stop.set()
-
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, ask) for number in numbers]
-    try:
-        yield stop
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
-
-
-@contextmanager
-def _json_file(target: str | None) -> Iterator[TextIO | None]:
-    if target is None:
-        yield None
-    elif target == "-":
-        yield sys.stdout
-    else:
-        with whole_file(Path(target), keep_part=True) as file:
-            yield file
-
-
-def _snapshots(
-    options: argparse.Namespace, session: MonitorSession, source: Source, stop: threading.Event
-) -> Iterator[Snapshot]:
-    log = session.log
-    begin_us = source.now_us if log is None else log.begin_us
-    began_s = time.monotonic()
-    count = 0
-    while not stop.is_set():
-        count += 1
-        since_s = count * options.every
-        if options.duration is not None:
-            if since_s - options.every > options.duration - 1e-9:
-                return
-            since_s = min(since_s, options.duration)  # the last line is at the end
-        pace = 1.0 if log is None else log.speed
-        while not stop.is_set() and (rest := began_s + since_s / pace - time.monotonic()) > 0:
-            time.sleep(min(rest, LOOK_S))
-            if log is None:
-                session.turn()
-        if stop.is_set():
-            return
-        if log is None:
-            yield session.turn()
-            continue
-        yield session.run_until(begin_us + round(since_s * 1e6))
-        if session.is_at_end:
-            return

@@ -4,6 +4,7 @@ Needs the extra `tui` (Textual); it is imported where a terminal is to be drawn 
 """
 
 import asyncio
+import os
 import signal
 from dataclasses import replace
 from functools import partial
@@ -18,16 +19,29 @@ from textual.widgets import Input
 from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.errors import InputError
 from adhesion_can.monitoring.snapshot import Snapshot
-from adhesion_can.reporting.terminal.view import Page, ViewOptions, draw
+from adhesion_can.reporting.terminal.tables import matching, selected_message
+from adhesion_can.reporting.terminal.view import Page, ViewOptions, draw, last_row
 
 PERIOD_S = 0.1
 """Time between two drawings, s."""
 SCROLLED = 10
 """Number of rows that a page key scrolls."""
 PROMPTS = {
-    "filter": "messages with this in name or id; empty: all",
-    "jump": "seconds after the first frame; +10 or -10 from now",
+    "filter": "filter: messages with this in name or id; empty: all",
+    "jump": "jump to: 90 or 1:30 after the first frame; +10 or -10 from now",
 }
+BACK = {Page.SIGNALS: Page.MESSAGES}
+"""Page behind another one; the overview where none is named."""
+CSS = """
+Screen { background: ansi_default; layers: view prompt; }
+BusView { layer: view; }
+Input {
+    layer: prompt; dock: bottom; display: none; height: 1; border: none; padding: 0;
+    background: ansi_default; color: ansi_default;
+}
+Input:focus { border: none; }
+"""
+"""The prompt lies over the line of keys: the view keeps its size, and so what it shows."""
 
 
 class BusView(Widget):
@@ -56,10 +70,11 @@ class MonitorApp(App[None]):
     Args:
         session: Session; who made it closes it.
         duration_s: Time after which it ends by itself, s; None: it does not.
+        parent: Process with which it ends; None: it ends with no other.
 
     """
 
-    CSS = "Screen { background: ansi_default; } Input { dock: bottom; display: none; }"
+    CSS = CSS
     TITLE = "adhesion-can monitor"
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -75,18 +90,25 @@ class MonitorApp(App[None]):
         Binding("m", "page('MESSAGES')"),
         Binding("w", "page('WORDS')"),
         Binding("question_mark,h,f1", "page('HELP')"),
-        Binding("escape", "page('OVERVIEW')"),
+        Binding("enter", "open"),
+        Binding("escape", "leave"),
         Binding("down,j", "scroll_rows(1)"),
         Binding("up,k", "scroll_rows(-1)"),
         Binding("pagedown", f"scroll_rows({SCROLLED})"),
         Binding("pageup", f"scroll_rows(-{SCROLLED})"),
     ]
 
-    def __init__(self, session: MonitorSession, duration_s: float | None = None) -> None:
+    def __init__(
+        self,
+        session: MonitorSession,
+        duration_s: float | None = None,
+        parent: int | None = None,
+    ) -> None:
         super().__init__(ansi_color=True)
         self.session = session
         self.view = BusView()
         self._duration_s = duration_s
+        self._ends_with = parent
         self._asked = ""
 
     def compose(self) -> ComposeResult:
@@ -109,6 +131,8 @@ class MonitorApp(App[None]):
 
     def turn(self) -> None:
         """Take what came, and draw it."""
+        if self._ends_with is not None and os.getppid() != self._ends_with:
+            self.exit()
         self.view.snapshot = self.session.turn()
         self.view.refresh()
 
@@ -134,22 +158,49 @@ class MonitorApp(App[None]):
     def action_page(self, name: str) -> None:
         """Show a page; the same once more: the overview."""
         page = Page[name]
-        now = Page.OVERVIEW if self.view.chosen.page is page else page
-        self.view.chosen = replace(self.view.chosen, page=now, first_row=0)
-        self.view.refresh()
+        self._show(Page.OVERVIEW if self.view.chosen.page is page else page)
+
+    def action_open(self) -> None:
+        """Open the list of messages, and from it the signals of the selected one."""
+        page = self.view.chosen.page
+        self._show(Page.SIGNALS if page in (Page.MESSAGES, Page.SIGNALS) else Page.MESSAGES)
+
+    def action_leave(self) -> None:
+        """Leave the prompt without an answer, or go one page back."""
+        if self.query_one(Input).display:
+            self._hide_line()
+            return
+        self._show(BACK.get(self.view.chosen.page, Page.OVERVIEW))
 
     def action_scroll_rows(self, rows: int) -> None:
-        """Scroll the messages; not past the last one."""
-        shown = self.view.snapshot
-        last = 0 if shown is None else max(len(shown.messages) - 1, 0)
-        first = min(max(self.view.chosen.first_row + rows, 0), last)
-        self.view.chosen = replace(self.view.chosen, first_row=first)
+        """Scroll the page, or select another message of the list; not past the last row."""
+        shown, chosen = self.view.snapshot, self.view.chosen
+        if shown is None:
+            return
+        if chosen.page is Page.MESSAGES:
+            found = matching(shown.messages, chosen.wanted)
+            view = selected_message(shown.messages, chosen.wanted, chosen.selected)
+            if view is not None:
+                index = min(max(found.index(view) + rows, 0), len(found) - 1)
+                self.view.chosen = replace(chosen, selected=found[index].key)
+        else:
+            last = last_row(shown, *self.view.size, chosen)
+            first = min(max(chosen.first_row + rows, 0), last)
+            self.view.chosen = replace(chosen, first_row=first)
+        self.view.refresh()
+
+    def _show(self, page: Page) -> None:
+        self.view.chosen = replace(self.view.chosen, page=page, first_row=0)
         self.view.refresh()
 
     def action_ask(self, what: str) -> None:
         """Ask for a filter or a time."""
         if what == "jump" and self.session.log is None:
-            self.notify("a bus has only the present; jump works in recordings", severity="warning")
+            self.notify(
+                "a bus has only the present; jump works in recordings",
+                severity="warning",
+                timeout=3,
+            )
             return
         self._asked = what
         line = self.query_one(Input)
@@ -165,12 +216,6 @@ class MonitorApp(App[None]):
         elif event.value.strip():
             self._guarded(partial(self.session.jump, event.value))
         self._hide_line()
-
-    def on_key(self, event: object) -> None:
-        """Escape leaves the line for answers without one."""
-        if getattr(event, "key", "") == "escape" and self.query_one(Input).display:
-            self._hide_line()
-            getattr(event, "stop", lambda: None)()
 
     def _hide_line(self) -> None:
         self.query_one(Input).display = False

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from math import inf, isinf
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from adhesion_can.bus.block import EXTENDED, Block
 from adhesion_can.bus.database import OUTPUT_MESSAGES, database_with
-from adhesion_can.bus.frame import Frame, Mark
+from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.monitor_source import LOOKED_AT, TURN_S
 from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
@@ -27,6 +28,8 @@ WARM_UP_S = 10.0
 """Time before the one jumped to from which recorded frames are read, s, for rates and faults."""
 LEARNING_S = 60.0
 """The same where the service runs here, which needs time to learn the curve, s."""
+SHOWN_BEHIND_S = 1.0
+"""Time that is to be read before it is said that it is being read, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,9 @@ class LogSource:
         self._clock = clock
         self._turned_s = clock()
         self._frames: Iterator[Frame] = iter(())
+        self._blocks: Iterator[Block] = iter(())
+        self._lead_us = extent.first_us
+        self._is_seeking = True
         self._next: Frame | None = None
         self._now_us = self._due_us = extent.first_us
         self._open(from_s)
@@ -134,7 +140,7 @@ class LogSource:
     @property
     def is_at_end(self) -> bool:
         """Whether every frame has been given."""
-        return self._next is None
+        return self._next is None and not self._is_seeking
 
     @property
     def is_catching_up(self) -> bool:
@@ -158,6 +164,8 @@ class LogSource:
         return self._until(self._due_us, inf)
 
     def _until(self, due_us: int, until_s: float) -> Iterator[Frame]:
+        if not self._seek(until_s):
+            return
         count = 0
         while self._next is not None and self._next.t_us <= due_us:
             frame = self._next
@@ -187,10 +195,8 @@ class LogSource:
 
     def transport(self) -> Transport:
         """How the frames come."""
-        notes: tuple[str, ...] = ()
-        if self.is_catching_up:
-            behind_s = (self._due_us - self._extent.first_us) / 1e6
-            notes = (f"reading up to {behind_s:.1f} s",)
+        until_s = (self._due_us - self._extent.first_us) / 1e6
+        far = self._due_us - self._now_us > SHOWN_BEHIND_S * 1e6
         return Transport(
             name=", ".join(path.name for path in self._paths),
             origin=self.origin,
@@ -200,33 +206,50 @@ class LogSource:
             position_s=self.position_s,
             duration_s=self._extent.duration_s,
             is_at_end=self.is_at_end,
-            notes=notes,
+            catching_up_s=until_s if self.is_catching_up and far else None,
         )
 
     def close(self) -> None:
         """Nothing is open beyond what is read."""
-        self._frames = iter(())
+        self._frames, self._blocks = iter(()), iter(())
 
     def _open(self, from_s: float) -> None:
         """Start before a time, s after the first frame, so that all is known when it is reached."""
         self._begin_us = begin_us = self._extent.first_us + round(from_s * 1e6)
         lead_s = WARM_UP_S if self._make_core is None else LEARNING_S
-        first_us = begin_us - round(lead_s * 1e6)
-        items = _items_from(self._paths, first_us, self._extent.restart_s)
+        self._lead_us = begin_us - round(lead_s * 1e6)
+        self._blocks = blocks_in_sequence(open_recordings(self._paths), self._extent.restart_s)
+        self._is_seeking = True
+        self._next = None
+        self._now_us = self._extent.first_us
+        self._due_us = begin_us
+        self._turned_s = self._clock()
+
+    def _seek(self, until_s: float) -> bool:
+        """Pass over the blocks before the time that was asked for; whether that is done."""
+        while self._is_seeking:
+            block = next(self._blocks, None)
+            if block is None:
+                self._play(())
+            elif len(part := _part_from(block, self._lead_us)):
+                self._play([part])
+            else:
+                self._now_us = int(block.t_us[-1])
+                if self._clock() >= until_s:
+                    return False
+        return True
+
+    def _play(self, first: Iterable[Block]) -> None:
+        """Give the frames of these blocks, and of those that follow."""
+        rest = (_part_from(block, self._lead_us) for block in self._blocks)
+        items = (item for part in chain(first, rest) for item in part.items())
         if self._make_core is None:
             self._frames = (item for item in items if isinstance(item, Frame))
         else:
             self._frames = with_answers(items, self._make_core())
         self._next = next(self._frames, None)
-        self._now_us = self._extent.first_us if self._next is None else self._next.t_us
-        self._due_us = begin_us
-        self._turned_s = self._clock()
-
-
-def _items_from(paths: Sequence[Path], begin_us: int, restart_s: float) -> Iterator[Frame | Mark]:
-    """Frames and marks of recordings from a time on, µs; those before it are passed over."""
-    for block in blocks_in_sequence(open_recordings(paths), restart_s):
-        yield from _part_from(block, begin_us).items()
+        self._now_us = self._extent.last_us if self._next is None else self._next.t_us
+        self._is_seeking = False
 
 
 def _part_from(block: Block, begin_us: int) -> Block:

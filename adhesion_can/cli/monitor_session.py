@@ -4,11 +4,11 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from adhesion_can.bus.frame import Frame
+from adhesion_can.cli.clock_times import typed_time
 from adhesion_can.cli.monitor_log import LogSource
 from adhesion_can.cli.monitor_source import Source
 from adhesion_can.config import Configuration
@@ -91,7 +91,8 @@ class MonitorSession:
         """Go to a time of the recording; what is being recorded ends there.
 
         Args:
-            text: Time, s after the first frame; with a sign counted from the present one.
+            text: Time after the first frame, as 120 or 2:00; with a sign it counts from the
+                present one.
 
         Raises:
             InputError: It is not a time.
@@ -99,20 +100,10 @@ class MonitorSession:
         """
         if self.log is None:
             return
-        try:
-            value = float(text)
-        except ValueError:
-            raise InputError(
-                f"jump to {text!r}", "is not a time", "give seconds, such as 120 or +10"
-            ) from None
-        if not isfinite(value):
-            raise InputError(
-                f"jump to {text!r}", "is not a time", "give seconds, such as 120 or +10"
-            )
+        value, is_relative = typed_time(text, "jump to")
         if self._recorder is not None:
             self.toggle_recording()
-        relative = text.strip()[:1] in ("+", "-")
-        self.log.jump(self.log.position_s + value if relative else value)
+        self.log.jump(self.log.position_s + value if is_relative else value)
         self._shown = None
 
     def faster(self, factor: float) -> None:

@@ -44,10 +44,15 @@ SPINNING, SPIN_CREEP = 3.0, 0.05
 class Mode(Enum):
     """What the controller goes by; the value is the text about it."""
 
+    WAITING = "the vehicle speed is not available: no effort is demanded"
     SLOW = "the train hardly moves: holding a small slip"
     SEARCH = "searching for the peak with pairs of axles"
     HOLD = "holding the service's slip"
     STEADY = "creep speeds oscillate: one slip for all axles, rising slowly"
+
+
+FROM_REST = (Mode.WAITING, Mode.SLOW)
+"""Modes in which no peak is searched: a search that follows starts again."""
 
 
 class CreepController:
@@ -70,7 +75,7 @@ class CreepController:
         self._settings = settings or ControlSettings()
         mass = vehicle.wheelset_inertia / np.array(vehicle.wheel_radius) ** 2
         s = self._settings
-        self.mode = Mode.SLOW
+        self.mode = Mode.WAITING
         """What the controller goes by now."""
         self._axles = vehicle.axles
         self._speed = SpeedFilter(s.speed_timeout_s)
@@ -100,7 +105,7 @@ class CreepController:
         """
         speed = self._speed.step(measured)
         if speed is None:
-            self._begin_slow()
+            self._begin_slow(Mode.WAITING)
             return self._loop.release()
         creep = measured.rim_speed - speed
         if speed < self._settings.slow_speed:
@@ -128,7 +133,7 @@ class CreepController:
     def _holds_still(self, measured: Measurement, setpoint: Array, creep: Array) -> bool:
         """Whether the creep speeds swing, so that one slip is held for all."""
         guard = self._swing
-        if self.mode is not Mode.SLOW and not self._rising:
+        if self.mode not in FROM_REST and not self._rising:
             guard.step(measured, setpoint, creep, float(np.median(self.slip)))
         self._loop.bandwidth_share = guard.bandwidth_share
         if guard.holds:
@@ -153,7 +158,7 @@ class CreepController:
 
     def _choose_mode(self, time_s: float, curve: KnownCurve | None) -> None:
         s = self._settings
-        if self.mode is Mode.SLOW:
+        if self.mode in FROM_REST:
             self.mode = Mode.SEARCH
             self._rising = self._slow_slip < s.first_slip
             self._search.begin(time_s, max(self._slow_slip, s.first_slip), SHORT_STEP)
@@ -189,7 +194,7 @@ class CreepController:
     def _pull_slowly(self, speed: float, creep: Array) -> Array:
         s = self._settings
         if self.mode is not Mode.SLOW:
-            self._begin_slow()
+            self._begin_slow(Mode.SLOW)
         scale = max(speed, s.slow_floor)
         rise = SLOW_RATE * s.loop.cycle_s
         self._slow_slip = min(self._slow_slip + rise, self._slow_top)
@@ -199,7 +204,7 @@ class CreepController:
         self.slip = np.full(self._axles, self._slow_slip)
         return self._loop.step(self.slip * scale, creep, SLOW_ELASTICITY)
 
-    def _begin_slow(self) -> None:
-        """Start from rest."""
-        self.mode = Mode.SLOW
+    def _begin_slow(self, mode: Mode) -> None:
+        """Start from rest, in a mode in which no peak is searched."""
+        self.mode = mode
         self._slow_slip, self._slow_top = 0.0, self._settings.slow_slip

@@ -10,6 +10,7 @@ from adhesion_can.bus.message_record import LATE_CYCLES
 from adhesion_can.bus.output_values import objection_in, status_in, theta_in
 from adhesion_can.monitoring.snapshot import HistoryPoint, ServiceView
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 
 SETPOINT, MODEL, QUALITY = "AdhesionSetpoint", "AdhesionModel", "AdhesionQuality"
 AXLE, HEALTH = "AxleSetpoint", "ServiceStatus"
@@ -86,7 +87,10 @@ class SetpointReader:
         """Latest contents at a time, µs; None where nothing came."""
         if self._view is None:
             return None
-        return replace(self._view, is_silent=t_us - self._view.t_us > self._timeout_us)
+        view = self._view
+        is_silent = t_us - view.t_us > self._timeout_us
+        signed_off = view.status is Status.INIT and view.mu_max is None
+        return replace(view, is_silent=is_silent, has_ended=is_silent and signed_off)
 
     def _keep(self, view: ServiceView) -> None:
         history = self._history

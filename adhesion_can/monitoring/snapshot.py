@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
 from typing import Literal, NamedTuple
 
+from adhesion_can.monitoring.latest_frames import LatestFrames, MessageKey
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
@@ -70,6 +71,11 @@ class MessageView:
     rate: float | None
     recent_faults: int
     state: MessageState
+
+    @property
+    def key(self) -> MessageKey:
+        """Identifier, and whether it has 29 bits."""
+        return self.frame_id, self.is_extended
 
     @property
     def number(self) -> str:
@@ -163,6 +169,8 @@ class ServiceView:
         lost: Number of frames that the service lost.
         loop_time_us: 99 % quantile of the time in which the service handles a frame, µs.
         is_silent: Whether no setpoint has come for more than three cycles.
+        has_ended: Whether it is silent after a last setpoint of a service that ends: INIT, and
+            every value 'not available'.
 
     """
 
@@ -181,6 +189,7 @@ class ServiceView:
     lost: int | None = None
     loop_time_us: float | None = None
     is_silent: bool = False
+    has_ended: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +206,7 @@ class Transport:
         position_s: Time in the recording, s after its first frame.
         duration_s: Duration of the recording, s; None for a bus.
         is_at_end: Whether the recording is at its end.
+        catching_up_s: Time that is being read up to, s after the first frame; None: none is.
         dropped: Number of frames dropped, as they came faster than they were looked at.
         recording: Name of the file that frames are recorded to; '' for none.
         recorded: Number of frames recorded to it.
@@ -213,6 +223,7 @@ class Transport:
     position_s: float = 0.0
     duration_s: float | None = None
     is_at_end: bool = False
+    catching_up_s: float | None = None
     dropped: int = 0
     recording: str = ""
     recorded: int = 0
@@ -244,6 +255,7 @@ class Snapshot:
         frames: Number of frames.
         frame_rate: Frames per second of late, 1/s.
         messages: Messages, inputs first.
+        latest: Latest frames by message.
         axles: Axles by number.
         points: Samples of the last five seconds.
         last_sample_us: Stamp of the latest sample, µs; None before the first.
@@ -265,6 +277,7 @@ class Snapshot:
     frames: int = 0
     frame_rate: float = 0.0
     messages: tuple[MessageView, ...] = ()
+    latest: Mapping[MessageKey, LatestFrames] = field(default_factory=dict)
     axles: tuple[AxleView, ...] = ()
     points: tuple[OperatingPoint, ...] = ()
     last_sample_us: int | None = None

@@ -5,10 +5,11 @@ as the service forms them.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from statistics import median
 
 import numpy as np
+from cantools.database.can import Message
 
 from adhesion_can.bus.checked_message import CheckedMessage
 from adhesion_can.bus.database import (
@@ -21,6 +22,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.config import Configuration
+from adhesion_can.monitoring.latest_frames import FrameKeeper, MessageKey
 from adhesion_can.monitoring.message_table import MessageTable, WatchedMessage
 from adhesion_can.monitoring.setpoint_reader import QUALITY, SETPOINT, SetpointReader
 from adhesion_can.monitoring.snapshot import (
@@ -70,6 +72,7 @@ class MonitorState:
             for one in self._watched.values()
         }
         self._by_id = {key: one for key, one in self._by_id.items() if key not in inputs}
+        self._frames = FrameKeeper(_known_messages(configuration), configuration.choices)
         self._missing = tuple(configuration.missing_for_identification())
         self._former = configuration.make_former()
         self._first_us: int | None = None
@@ -100,9 +103,14 @@ class MonitorState:
         self._table.begin_frame(t_us)
         outcome = self._receiver.accept(frame)
         if outcome is None:
-            self._take_other(frame)
-        elif not isinstance(outcome, Rejection):
+            rejection = self._take_other(frame)
+        elif isinstance(outcome, Rejection):
+            rejection = outcome
+        else:
+            rejection = None
             self._take_readings(outcome)
+        if frame.is_data:
+            self._frames.add(self._key(frame), frame, rejection)
         if t_us >= self._collect_us:
             self._collect_us = t_us + COLLECT_US
             self._collect(t_us)
@@ -116,6 +124,7 @@ class MonitorState:
             frames=self._table.frames,
             frame_rate=self._table.frame_rate(t_us),
             messages=self._table.views(t_us),
+            latest=self._frames.latest(),
             axles=tuple(self._axle(axle, t_us) for axle in self._axle_numbers()),
             points=tuple(point for point in self._points if point.t_us > t_us - POINTS_US),
             last_sample_us=self._last_sample_us,
@@ -132,14 +141,25 @@ class MonitorState:
         choices = self._configuration.choices
         return sorted({choice.axle for choice in choices if choice.role is Role.WHEEL_SPEED})
 
-    def _take_other(self, frame: Frame) -> None:
+    def _key(self, frame: Frame) -> MessageKey:
+        """Identifier of the frame's message in the database, whoever sends it by J1939."""
+        number, senders = frame.arbitration_id, self._receiver.senders
+        if frame.is_extended and senders:
+            number = senders.translate(number)
+        return number, frame.is_extended
+
+    def _take_other(self, frame: Frame) -> Rejection | None:
+        """Take a frame that is no input; the reason to reject it, where it is checked."""
         one = self._by_id.get((frame.arbitration_id, frame.is_extended)) if frame.is_data else None
         if one is None:
             self._table.count_other(frame)
-            return
+            return None
         values = one.read(frame)
-        if not isinstance(values, Rejection) and one.kind is Kind.OUTPUT:
+        if isinstance(values, Rejection):
+            return values
+        if one.kind is Kind.OUTPUT:
             self._outputs.add(one.message.plan.name, values, frame.t_us)
+        return None
 
     def _take_readings(self, readings: Iterable[Reading]) -> None:
         for reading in readings:
@@ -210,6 +230,14 @@ def _watched_messages(configuration: Configuration) -> dict[str, WatchedMessage]
             if kind is Kind.OUTPUT or not _is_taken(message, name, configuration.database):
                 found[name] = WatchedMessage(message, kind)
     return found
+
+
+def _known_messages(configuration: Configuration) -> Iterator[Message]:
+    """Messages of the packaged database that are watched, then those of the user's."""
+    for names in (OUTPUT_MESSAGES, DEMAND_MESSAGES):
+        source = database_with(names, configuration.database)
+        yield from map(source.message, names)
+    yield from configuration.database.db.messages
 
 
 def _is_taken(message: CheckedMessage, name: str, database: CanDatabase) -> bool:

@@ -100,7 +100,8 @@ class StampClock:
             )
         elif abs(by_us) > STEP_US:
             self.steps += 1
+            where = "behind" if by_us > 0 else "ahead of"
             self._notify(
-                f"the clock of the bus was set by {-by_us / 1e6:+.3f} s; the service's time "
-                "continues evenly"
+                f"the bus's timestamps are {abs(by_us) / 1e6:.3f} s {where} this host's clock, and "
+                "are corrected: their clock was set, or this host is too busy to read in time"
             )

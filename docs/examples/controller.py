@@ -61,7 +61,9 @@ class SetpointReceiver:
             # The wider it is, the further below the peak: one standard deviation.
             self.slip = max(lambda_m * 1e-5 - self.lambda_m_std, CAUTIOUS_SLIP)
             wide = self.lambda_m_std > WIDE * lambda_m * 1e-5
-            self.why = "known, with a margin" if wide else "known"
+            self.why = "the peak is known roughly: stay one standard deviation below it"
+            if not wide:
+                self.why = "the peak is known"
 
     def advance(self, t_us: int) -> None:
         """Without a setpoint for three cycles of 20 ms the drive is on its own."""
@@ -98,7 +100,7 @@ def main(duration_s: float = 40.0) -> None:
             said = receiver.why
             time_s = (frame.t_us - begin) / 1e6
             print(f"{time_s:6.2f} s  hold a slip of {receiver.slip:.4f}: {said}")
-    print(", ".join(f"{why}: {count}" for why, count in reasons.most_common()))
+    print("; ".join(f"{count} setpoints: {why}" for why, count in reasons.most_common()))
 
     # A forged frame changes nothing.
     before = receiver.slip

@@ -105,6 +105,14 @@ class Walking:
 
 
 @pytest.mark.usefixtures("restored_signals")
+def test_without_a_frame_there_is_no_mode(capsys):
+    assert main(["control", "-i", "virtual", "-c", "nobody", "--duration", "0.2"]) == 0
+    said = capsys.readouterr().err
+    assert "no step, as the wheel speeds of all axles never came" in said
+    assert not any(mode.name in said for mode in Mode)
+
+
+@pytest.mark.usefixtures("restored_signals")
 def test_every_mode_is_told_and_counted(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("adhesion_can.cli.control.build_reference", lambda _: Walking())
     frames = list(Bench().drive(0, 20_000))

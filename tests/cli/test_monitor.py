@@ -1,6 +1,8 @@
 """`monitor`: sources, session, lines for pipes, wrong usage. It never sends."""
 
 import json
+import os
+import socket
 import subprocess
 import sys
 import time
@@ -10,10 +12,12 @@ from math import inf
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli import monitor as command
+from adhesion_can.cli.clock_times import typed_time
 from adhesion_can.cli.main import main
 from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
@@ -25,11 +29,13 @@ from adhesion_can.monitoring.snapshot import Kind, MessageState, Origin
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.sequence import blocks_in_sequence
+from adhesion_can.reporting.terminal.plain import as_json, plain_line
 from adhesion_can.service.bus_listener import EVERY_ID, BusListener
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from tests.monitoring.recorded import DURATION_S, OWN, closed_loop, write_log
-from tests.terminals import Terminal
+from tests.terminals import ROOT, Terminal, bench_lines
 from tests.wire import Bench
 
 
@@ -126,6 +132,65 @@ def test_a_jump_shows_what_playing_up_to_it_shows(logs, estimate):
         jumped.jump("soon")
     with pytest.raises(InputError, match="is not a time"):
         jumped.jump("nan")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("120", (120.0, False)), ("2:00", (120.0, False)), ("1:02:03.5", (3723.5, False)),
+        ("+1:30", (90.0, True)), ("-10", (-10.0, True)), (" 5 ", (5.0, False)),
+    ],
+)  # fmt: skip
+def test_times_as_people_type_them(text, expected):
+    assert typed_time(text, "jump to") == expected
+
+
+@pytest.mark.parametrize("text", ["", "soon", "1:75", "1.5:30", "1:2:3:4", "+-3", "2:-1", "inf"])
+def test_what_is_no_time_is_an_error_with_examples(text):
+    with pytest.raises(InputError, match=r"is not a time; give seconds .* 2:00 or \+10"):
+        typed_time(text, "jump to")
+
+
+def test_while_a_jump_passes_over_blocks_the_view_goes_on(tmp_path, monkeypatch):
+    """A long recording is passed over a block at a time, and the view says how far it is."""
+    path = write_log(tmp_path / "long.log", Bench().drive(0, 40_000_000))
+    session, _ = session_on(path)
+    (whole,) = blocks_in_sequence([Recording(path)])
+    parts = [
+        whole.select(np.arange(k, min(k + 2000, len(whole)))) for k in range(0, len(whole), 2000)
+    ]
+    monkeypatch.setattr("adhesion_can.cli.monitor_log.blocks_in_sequence", lambda *_: iter(parts))
+    monkeypatch.setattr("adhesion_can.cli.monitor_log.TURN_S", -1.0)
+    session.jump("0:39")
+    positions = []
+    for _ in range(10_000):
+        shown = session.turn()
+        if shown.transport.catching_up_s is None:
+            break
+        assert shown.transport.catching_up_s == pytest.approx(39.0)
+        assert not shown.transport.is_at_end
+        positions.append(shown.transport.position_s)
+    assert positions == sorted(positions)
+    assert len({position for position in positions if position < 29.0}) > 3
+    assert shown.transport.position_s == pytest.approx(38.0, abs=1.01)
+
+
+def test_a_service_that_ends_says_so(tmp_path):
+    """It takes back its setpoint; one that is cut off does not."""
+    frames, _ = closed_loop()
+    config = load_configuration()
+    core = ServiceCore(config)
+    inputs = [f for f in frames if f.arbitration_id not in OWN]
+    sent = [answer for f in inputs if f.t_us < 3_000_000 for answer in core.feed(f)]
+    whole = {True: [*sent, *core.stop(3_000_000)], False: sent}
+    for signed_off, answers in whole.items():
+        mixed = sorted([*inputs, *answers], key=lambda frame: frame.t_us)
+        session, _ = session_on(write_log(tmp_path / f"{signed_off}.log", mixed))
+        shown = session.run_until(5_000_000)
+        assert (shown.service.is_silent, shown.service.has_ended) == (True, signed_off)
+        line = plain_line(shown)
+        assert ("(ended)" in line, "(silent)" in line) == (signed_off, not signed_off)
+        assert as_json(shown)["ended"] is signed_off
 
 
 def test_late_in_a_recording_it_begins_some_seconds_before(tmp_path):
@@ -236,6 +301,26 @@ def test_a_recording_without_effort_has_no_service_and_says_why(tmp_path, capsys
     document = json.loads(line)
     assert document["service"] is None
     assert any("no role gives tractive effort" in sentence for sentence in document["words"])
+
+
+def test_the_documented_line_sends_plotjuggler_an_object_a_datagram(logs):
+    """On a recording in place of the bus, and to a free port in place of PlotJuggler's."""
+    (line,) = bench_lines("plotjuggler", ROOT / "docs" / "monitor.md")
+    with socket.socket(type=socket.SOCK_DGRAM) as server:
+        server.bind(("127.0.0.1", 0))
+        server.settimeout(120.0)
+        line = line.replace("-i socketcan -c vcan0", f"{logs / 'full.log'} --duration 0.5")
+        line = line.replace("9870", str(server.getsockname()[1]))
+        path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+        done = subprocess.run(
+            ["bash", "-c", line], env={**os.environ, "PATH": path}, check=True, timeout=240,
+            capture_output=True,
+        )  # fmt: skip
+        assert done.stderr == b""
+        found = [json.loads(server.recv(65536)) for _ in range(10)]
+    assert [one["position_s"] for one in found] == pytest.approx([0.05 * k for k in range(1, 11)])
+    assert all(isinstance(one["axles"][0], dict) for one in found)
+    assert isinstance(found[-1]["bus_time_s"], float)
 
 
 def test_a_reader_that_goes_away_is_no_error(logs):
@@ -430,7 +515,7 @@ def test_wrong_usage_is_one_line(capsys, tmp_path, monkeypatch, words, said):
     monkeypatch.chdir(tmp_path)
     for name in ("CAN_INTERFACE", "CAN_CHANNEL"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(SystemExit) if "no speed" in said else _nothing():
+    with pytest.raises(SystemExit) if "a speed" in said else _nothing():
         assert main(["monitor", *words]) == 2
     err = capsys.readouterr().err
     assert said in err

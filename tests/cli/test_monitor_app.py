@@ -123,19 +123,92 @@ def test_a_jump_and_one_that_is_no_time(log):
     piloted(log, steps)
 
 
+@pytest.mark.parametrize("key", ["f", "g"])
+def test_a_prompt_does_not_replace_the_view(log, key):
+    async def steps(on):
+        before = text_of(on.app).splitlines()
+        await on.pilot.press(key)
+        prompt = on.app.query_one(Input)
+        assert prompt.display
+        assert on.app.view.size == (80, 24)
+        # It lies over the line of keys, the last one.
+        assert prompt.region == (0, 23, 80, 1)
+        assert text_of(on.app).splitlines()[4:] == before[4:]
+
+    piloted(log, steps)
+
+
 def test_pages_and_scrolling(log):
     async def steps(on):
         await on.pilot.press("m")
         assert "ServiceStatus" in text_of(on.app)
         assert "adhesion over slip ratio" not in text_of(on.app)
-        await on.pilot.press("down", "down", "up", "pagedown", "pageup", "pageup")
-        assert on.app.view.chosen.first_row == 0
         await on.pilot.press("w")
         assert "axles hold it" in text_of(on.app)
         await on.pilot.press("question_mark")
-        assert "The monitor never sends." in text_of(on.app)
+        assert "lines 1 to" in text_of(on.app)
+        await on.pilot.press(*["pagedown"] * 9)
+        assert "the monitor never sends." in text_of(on.app)
+        await on.pilot.press("up")
+        last = text_of(on.app)
+        await on.pilot.press("down", "down")
+        assert text_of(on.app) != last
         await on.pilot.press("question_mark")
         assert "adhesion over slip ratio" in text_of(on.app)
+
+    piloted(log, steps)
+
+
+def test_enter_opens_the_list_and_the_signals_of_the_selected_message(log):
+    async def steps(on):
+        await on.pilot.press("enter")
+        assert " >101 " in text_of(on.app)
+        await on.pilot.press("down", "down", "up", "pagedown", "pagedown")
+        assert " >211 " in text_of(on.app)  # the last one
+        await on.pilot.press("up", "up", "up", "up", "enter")
+        assert "┌ AdhesionSetpoint, id 201 " in text_of(on.app)
+        assert "TRACKING" in text_of(on.app)
+        # The signals are live: another frame has another counter.
+        before = text_of(on.app)
+        on.clock.now_s += 0.02
+        on.app.turn()
+        assert text_of(on.app) != before
+        # A prompt is left without the page.
+        await on.pilot.press("f", "escape")
+        assert "┌ AdhesionSetpoint, id 201 " in text_of(on.app)
+        await on.pilot.press("escape")
+        assert " >201 " in text_of(on.app)
+        await on.pilot.press("escape")
+        assert "adhesion over slip ratio" in text_of(on.app)
+
+    piloted(log, steps)
+
+
+def test_enter_opens_the_only_message_that_the_filter_shows(log):
+    async def steps(on):
+        await on.pilot.press("m", "f", *"quality", "enter", "enter")
+        assert "┌ AdhesionQuality, id 203 " in text_of(on.app)
+        await on.pilot.press(
+            "escape", "f", *["backspace"] * 7, *"nothing", "enter", "down", "enter"
+        )
+        assert "no name or id contains this" in text_of(on.app)
+
+    piloted(log, steps)
+
+
+def test_a_jump_in_minutes_says_that_it_catches_up(log, monkeypatch):
+    monkeypatch.setattr("adhesion_can.cli.monitor_log.TURN_S", -1.0)  # little a turn
+
+    async def steps(on):
+        await on.pilot.press("g", *"0:07", "enter")
+        assert "Catching up to 7 s" in text_of(on.app)
+        assert "CATCHING UP" in text_of(on.app).splitlines()[0]
+        for _ in range(1000):
+            on.app.turn()
+            if "7.0 of 8.0 s" in text_of(on.app):
+                break
+        assert "7.0 of 8.0 s" in text_of(on.app)
+        assert "CATCHING UP" not in text_of(on.app)
 
     piloted(log, steps)
 

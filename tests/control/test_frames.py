@@ -52,6 +52,20 @@ def efforts(demands):
     ]  # fmt: skip
 
 
+def test_without_a_vehicle_speed_it_waits_and_demands_nothing():
+    """Before the first vehicle speed, and again after the last; a slow train is no such thing."""
+    silent = {0x111}
+    demands, _, controller = pull(1.0, lose=lambda frame, _: frame.arbitration_id in silent)
+    assert demands
+    assert not np.nan_to_num(efforts(demands)).any()
+    assert controller.controller.mode is Mode.WAITING
+    demands, _, controller = pull(
+        3.0, lose=lambda frame, time_s: frame.arbitration_id in silent and time_s > 1.0
+    )
+    assert np.nan_to_num(efforts(demands)).any()
+    assert controller.controller.mode is Mode.WAITING
+
+
 def test_three_parties_use_what_the_rail_gives():
     """97 % of the peak from the third second on, by the service's curve."""
     demands, used, controller = pull(8.0)

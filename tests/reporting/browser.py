@@ -29,7 +29,7 @@ def axe_script():
 
 
 class Browser:
-    """Chromium without a window or a network, with one tab."""
+    """Chromium without a window or a network but this host, with one tab."""
 
     def __init__(self, folder):
         to_browser, self._to = os.pipe()
@@ -47,7 +47,8 @@ class Browser:
                 "--disable-background-networking", "--disable-component-update", "--disable-sync",
                 "--no-first-run",
                 f"--user-data-dir={folder}", "--remote-debugging-pipe",
-                "--host-resolver-rules=MAP * ~NOTFOUND", "--proxy-server=127.0.0.1:9",
+                "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+                "--proxy-server=127.0.0.1:9",
                 "about:blank",
             ],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=pipes,  # noqa: PLW1509
@@ -128,6 +129,12 @@ class Browser:
             if time.monotonic() > end:
                 raise RuntimeError(f"not so after {WAIT_S} s: {expression}")
             time.sleep(0.02)
+
+    def press_enter(self):
+        """Press Enter and let it go, wherever the page has its keyboard."""
+        key = {"key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13}
+        self._call("Input.dispatchKeyEvent", type="keyDown", text="\r", **key)
+        self._call("Input.dispatchKeyEvent", type="keyUp", **key)
 
     @property
     def complaints(self):

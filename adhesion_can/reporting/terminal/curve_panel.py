@@ -25,10 +25,26 @@ LABEL = 6
 CURVE, BAND, POINT, PEAK = "bold cyan", "blue", "white", "bold green"
 TRUTH, SETPOINT = "bold red", "yellow"
 LEGENDS = (
-    "░ 95 %  ◆ peak  ┊ setpoint  · samples  1-9 axles now",
-    "░ 95 % ◆ peak ┊ setpoint 1-9 axles",
-    "░ 95 % ◆ peak ┊ set 1-9 axles",
+    "⣀ curve  ░ its 95 % band  ◆ peak  ┊ setpoint  · samples of 5 s  1-9 axles now",
+    "⣀ curve  ░ 95 %  ◆ peak  ┊ setpoint  · samples  1-9 axles now",
+    "░ 95 % ◆ peak ┊ set · sample 1-9 axles",
+    "░95% ◆peak ┊set ·data 1-9 axle",
 )
+STATUS_LEGENDS = (
+    "T tracking  l low excitation  C surface change  i init  s stale input  F fault",
+    "T tracking  l low excitation  C change  i init  s stale  F fault",
+    "letters: key ?",
+)
+"""Legends of the letters of the status; the widest that fits is shown."""
+SHORT_STATUS = {
+    "T": "T track",
+    "l": "l low",
+    "C": "C change",
+    "i": "i init",
+    "s": "s stale",
+    "F": "F fault",
+}
+"""Legend of each letter where there is room for those on the screen alone."""
 MOST_AXES = 9
 """Number of axles that a digit can mark."""
 
@@ -160,14 +176,19 @@ def history_panel(snapshot: Snapshot, width: int, height: int, span_s: float) ->
     )
     lines.append(Text.assemble(" " * LABEL, _status_row(points, ages, columns)))
     left, right = f"-{span_s:.0f} s", "now"
-    lines.append(Text(" " * LABEL + left.ljust(columns - len(right)) + right, "dim"))
-    wide = width >= 60
-    title = "mu_max, lambda_m and status" + (
-        " (T tracking, l low excitation, C change, i init, s stale, F fault)" if wide else ""
-    )
-    if len(title) > width - 6:
-        title = "mu_max, lambda_m, status"
+    legend = _status_legend(points, columns - len(left) - len(right) - 2)
+    middle = legend.center(columns - len(left) - len(right))
+    lines.append(Text(" " * LABEL + left + middle + right, "dim"))
+    title = "mu_max, lambda_m and status"
     return boxed(title, lines, width, height)
+
+
+def _status_legend(points: Sequence[HistoryPoint], width: int) -> str:
+    """What the letters of the status mean, in at most a number of cells."""
+    present = dict.fromkeys(STATUS_LETTERS[point.status] for point in points)
+    short = "  ".join(SHORT_STATUS[letter] for letter in present)
+    legends = [*STATUS_LEGENDS[:-1], short, short.replace("  ", " "), STATUS_LEGENDS[-1]]
+    return next((legend for legend in legends if len(legend) <= width), "")
 
 
 def _strip(

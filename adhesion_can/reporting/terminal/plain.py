@@ -14,7 +14,7 @@ def plain_line(snapshot: Snapshot) -> str:
     if service is None:
         parts.append("no service")
     else:
-        silent = " (silent)" if service.is_silent else ""
+        silent = " (ended)" if service.has_ended else " (silent)" if service.is_silent else ""
         parts += [
             f"{service.status.name}{silent}",
             f"mu_max {plus_minus(service.mu_max, service.mu_max_std)}",
@@ -60,6 +60,7 @@ def as_json(snapshot: Snapshot) -> dict[str, Any]:
         "service": None if service is None else transport.origin.name.lower(),
         "status": None if service is None else service.status.name,
         "silent": None if service is None else service.is_silent,
+        "ended": None if service is None else service.has_ended,
         **{
             name: None if service is None else _rounded(getattr(service, name))
             for name in ("mu_max", "mu_max_std", "lambda_m", "lambda_m_std")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
+from adhesion_can.monitoring.latest_frames import MessageKey
 from adhesion_can.monitoring.snapshot import (
     AxleView,
     Kind,
@@ -14,7 +15,8 @@ from adhesion_can.monitoring.snapshot import (
     Snapshot,
 )
 from adhesion_can.physics.objection import Objection
-from adhesion_can.reporting.terminal.boxes import boxed
+from adhesion_can.plurals import counted
+from adhesion_can.reporting.terminal.boxes import boxed, wrapped
 
 SIGNS = {
     MessageState.OK: (" ", ""),
@@ -23,6 +25,12 @@ SIGNS = {
     MessageState.NEVER: ("-", "dim"),
 }
 """Sign and style of each state of a message."""
+CHOSEN = ">"
+"""Sign of the selected message."""
+LIST_LEGEND = (
+    "Enter: signals   ! rejected or lost frames in the last 10 s   x silent for three cycles   "
+    "- never received   rejected, lost: since the start"
+)
 _TROUBLE = {MessageState.SILENT: 0, MessageState.FAULTY: 1, MessageState.OK: 2}
 NAME = 16
 """Width of a message's name in a narrow table, cells."""
@@ -71,6 +79,14 @@ def matching(messages: Sequence[MessageView], wanted: str) -> list[MessageView]:
     return [m for m in messages if text in m.name.lower() or text in m.number.lower()]
 
 
+def selected_message(
+    messages: Sequence[MessageView], wanted: str, key: MessageKey | None
+) -> MessageView | None:
+    """The message with a key among those that match, else the first of them; None for none."""
+    found = matching(messages, wanted)
+    return next((view for view in found if view.key == key), found[0] if found else None)
+
+
 def message_panel(
     snapshot: Snapshot,
     width: int,
@@ -100,16 +116,56 @@ def message_panel(
     if len(found) - first_row > room:
         shown = shown[:-1]
         rest = _rest(found[first_row + len(shown) :], width - 2, key)
-    wide = width >= WIDE
-    heading = _WIDE_HEADING if wide else _NARROW_HEADING
-    lines = [Text(heading, "dim"), *(_message_row(view, width, wide=wide) for view in shown)]
+    lines = _message_lines(shown, width, wanted, None)
     if rest:
         lines.append(Text(rest, "dim"))
-    if wanted and not found:
-        lines.append(Text("no name or id contains this", "dim"))
+    return _message_box(lines, width, height, wanted)
+
+
+def message_list(
+    snapshot: Snapshot, width: int, height: int, wanted: str, selected: MessageKey | None
+) -> list[Text]:
+    """All messages in their own order, with one selected, whose row is always visible.
+
+    Args:
+        snapshot: What is shown.
+        width: Width of the panel, cells.
+        height: Height of the panel, lines; 8 or more.
+        wanted: Part of the name or id of the messages to show; '' for all.
+        selected: Message that is selected; None, or one that does not match: the first one.
+
+    """
+    found = matching(snapshot.messages, wanted)
+    chosen = selected_message(snapshot.messages, wanted, selected)
+    legend = wrapped([Text(LIST_LEGEND, "dim")], width - 2, 2)
+    room = height - 4 - len(legend)
+    index = 0 if chosen is None else found.index(chosen)
+    first = min(max(index - room // 2, 0), max(len(found) - room, 0))
+    lines = _message_lines(found[first : first + room], width, wanted, chosen)
+    hidden = len(found) - room
+    if hidden > 0:
+        span = f"{first + 1} to {first + room} of {len(found)} messages"
+        lines.append(Text(f"{span}: arrow keys show the others", "dim"))
+    lines += [Text()] * (height - 2 - len(legend) - len(lines))
+    return _message_box([*lines, *legend], width, height, wanted)
+
+
+def _message_lines(
+    views: Sequence[MessageView], width: int, wanted: str, chosen: MessageView | None
+) -> list[Text]:
+    wide = width >= WIDE
+    heading = _WIDE_HEADING if wide else _NARROW_HEADING
+    rows = [_message_row(view, width, wide=wide, chosen=view is chosen) for view in views]
+    none = [Text("no name or id contains this", "dim")] if wanted and not views else []
+    return [Text(heading, "dim"), *rows, *none]
+
+
+def _message_box(lines: Sequence[Text], width: int, height: int, wanted: str) -> list[Text]:
     title = f"messages with {wanted!r}" if wanted else "messages"
+    if width < WIDE and not wanted:
+        title = "messages; bad: rejected or lost"
     if len(title) > width - 6:
-        title = "messages (filtered)"
+        title = "messages (filtered)" if wanted else "messages"
     return boxed(title, lines, width, height)
 
 
@@ -129,18 +185,22 @@ def _rest(views: Sequence[MessageView], width: int, key: str) -> str:
     return long if len(long) <= width else short
 
 
-def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
+def _message_row(view: MessageView, width: int, *, wide: bool, chosen: bool) -> Text:
     sign, style = SIGNS[view.state]
+    if chosen:
+        sign, style = f"{sign}{CHOSEN}", f"{style} reverse".strip()
+    else:
+        sign = f"{sign} "
     name = view.name or f"id {view.number}"
     age = "never" if view.age_us is None else _count(view.age_us // 1000)
     rate = "" if view.rate is None else _rate(view.rate)
     rejected = sum(view.rejected.values())
     if not wide:
         bad = rejected + view.lost
-        text = f"{sign} {_shortened(name, NAME)}{age:>7}{rate:>5}{_count(bad):>6}"
+        text = f"{sign}{shortened(name, NAME)}{age:>7}{rate:>5}{_count(bad):>6}"
         return Text(text, style)
     text = (
-        f"{sign} {view.number:8} {_shortened(name, NAME)}{age:>8}{rate:>7}"
+        f"{sign}{view.number:8} {shortened(name, NAME)}{age:>8}{rate:>7}"
         f"{_count(rejected):>9}{_count(view.lost):>7}  {view.state}"
     )
     counts = sorted(view.rejected.items(), key=lambda item: -item[1])
@@ -152,8 +212,8 @@ def _message_row(view: MessageView, width: int, *, wide: bool) -> Text:
     return Text(text, style)
 
 
-def _shortened(name: str, width: int) -> str:
-    """The name in a number of cells; of a longer one start and end, which mostly has the number."""
+def shortened(name: str, width: int) -> str:
+    """A name in a number of cells; of a longer one start and end, which mostly has the number."""
     if cell_len(name) > width:
         end = name[-3:] if cell_len(name[-3:]) <= 3 else name[-1:]
         name = f"{set_cell_size(name, width - 2 - cell_len(end))}..{end}"
@@ -181,15 +241,18 @@ def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
         rejected, lost = _plain(service.rejected, "rejected", 0), _plain(service.lost, "lost", 0)
         entries = {
             "curve": curve,
-            "rail": _plain(service.surface_age_s, "s since its change", 1),
-            "creep": _plain(service.creep_speed, "m/s, target for all axles", 3),
+            "surface": _plain(service.surface_age_s, "s since the rail changed", 1),
+            "creep": _plain(service.creep_speed, "m/s, setpoint of all axles", 3),
             "doubt": service.doubt.name.lower().replace("_", " "),
             **_objection(service.objection),
             "inputs": f"{rejected}, {lost}, counted by the service",
-            "loop": _plain(service.loop_time_us, "us, 99 % quantile", 0),
+            "loop": _plain(service.loop_time_us, "us for a frame, 99 % quantile", 0),
         }
     others = sum(view.kind is Kind.OTHER for view in snapshot.messages)
-    entries["frames"] = f"{snapshot.frames}, {snapshot.frame_rate:.0f} 1/s; {others} other ids"
+    entries["frames"] = (
+        f"{snapshot.frames} received, {snapshot.frame_rate:.0f}/s; "
+        f"{counted(others, 'id')} not in the configuration"
+    )
     lines = [line for name, text in entries.items() for line in _entry(name, text, width - 2)]
     return boxed("the service", lines[: height - 2], width, height)
 

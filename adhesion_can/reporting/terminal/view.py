@@ -8,14 +8,19 @@ from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
+from adhesion_can.monitoring.latest_frames import MessageKey
 from adhesion_can.monitoring.snapshot import Origin, Snapshot, Transport
 from adhesion_can.printable import printable
-from adhesion_can.reporting.terminal.boxes import boxed, fitted, side_by_side, wrapped
+from adhesion_can.reporting.terminal.boxes import fitted, side_by_side, wrapped
 from adhesion_can.reporting.terminal.curve_panel import curve_panel, history_panel
+from adhesion_can.reporting.terminal.help_page import help_lines, help_page, last_help_row
+from adhesion_can.reporting.terminal.signal_panel import last_signal_row, signal_panel
 from adhesion_can.reporting.terminal.tables import (
     axle_panel,
     matching,
+    message_list,
     message_panel,
+    selected_message,
     service_panel,
 )
 from adhesion_can.reporting.terminal.words import sentences
@@ -28,31 +33,13 @@ TALL = 32
 """Height from which more lines of words are shown."""
 LEAST_SERVICE = 9
 """Smallest height of the panel about the service."""
-KEY_WIDTH = 7
-"""Width of the keys in the help, cells."""
 SPANS_S, LONG_SPAN_S, LONG_FROM = (20.0, 60.0), 120.0, 120
 """Times that a history may show, s; the long one, and the width from which it is one of them."""
-LIVE_KEYS = "q quit  space pause  . step  f filter  m messages  w words  r record  ? help"
-LOG_KEYS = "q quit  space pause  . step  +/- speed  g jump  f filter  m w  r record  ? help"
-HELP = (
-    ("q", "quit"),
-    ("space", "pause: a recording stops; a bus continues in the background"),
-    (".", "one step of 0.1 s while paused"),
-    ("+ -", "double or halve the speed of a recording"),
-    ("g", "jump to a time in a recording, s; +10 and -10 are relative"),
-    ("f", "filter messages by part of the name or id; empty: all"),
-    ("m", "messages only; the arrow keys scroll"),
-    ("w", "words only"),
-    ("r", "record as candump from now on; press again to stop"),
-    ("esc", "back to the overview"),
-)
-SIGNS_HELP = """\
-Messages: ! rejected or lost frames in the last 10 s; x silent for three cycles; - never came. \
-'bad' counts rejected and lost frames since the start.
-Curve: line: identified curve; ░ its 95 % band from the deviations of the peak; ◆ peak; ┊ creep \
-setpoint as slip; dots: samples of 5 s; digits: axles now.
-Status: T tracking, l low excitation, C surface change, i init, s stale input, F fault.
-The monitor never sends."""
+LIVE_KEYS = "q quit  Enter messages  f filter  space pause  w words  r record  ? help"
+LOG_KEYS = "q quit  Enter messages  f filter  space pause  +- speed  g jump  ? help"
+LIST_KEYS = "q quit  Enter signals  arrows select  f filter  esc back  ? help"
+PAGE_KEYS = "q quit  arrows scroll  space pause  esc back  ? help"
+WORDS_KEYS = "q quit  space pause  esc back  ? help"
 
 
 class Page(Enum):
@@ -62,6 +49,7 @@ class Page(Enum):
     MESSAGES = auto()
     WORDS = auto()
     HELP = auto()
+    SIGNALS = auto()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +59,9 @@ class ViewOptions:
     Attributes:
         page: What fills the view.
         wanted: Part of the name or id of the messages to show; '' for all.
-        first_row: Number of messages that are scrolled past.
+        first_row: Number of messages, signals or lines of help that are scrolled past.
+        selected: Message that is selected in the list, and whose signals are shown; None, or one
+            that is not shown: the first one.
         title: Name of the program, in front of the header.
         keys: Line of the keys at the foot; None: that of a bus or of a recording; '' for none.
 
@@ -80,6 +70,7 @@ class ViewOptions:
     page: Page = Page.OVERVIEW
     wanted: str = ""
     first_row: int = 0
+    selected: MessageKey | None = None
     title: str = "adhesion-can monitor"
     keys: str | None = None
 
@@ -101,30 +92,66 @@ def draw(
     """
     options = options or ViewOptions()
     snapshot = _printable(snapshot)
-    keys = options.keys
-    if keys is None:
-        keys = LIVE_KEYS if snapshot.transport.is_live else LOG_KEYS
+    keys = _keys(options, is_live=snapshot.transport.is_live)
     if len(keys) > width:
         keys = "q quit  ? help" if len("q quit  ? help") <= width else ""
     body = height - 1 - (1 if keys else 0)
     lines = [_header(snapshot, width, options.title)]
-    if options.page is Page.HELP:
-        lines += _help(width, body)
-    elif width < LEAST_WIDTH or height < LEAST_HEIGHT or options.page is Page.WORDS:
-        small = Text(f"(plots and tables need {LEAST_WIDTH} x {LEAST_HEIGHT})", "dim")
-        more = [] if options.page is Page.WORDS else [small]
-        lines += wrapped([*sentences(snapshot), *more], width, body)
-    elif options.page is Page.MESSAGES:
-        last = max(len(matching(snapshot.messages, options.wanted)) - (body - 3), 0)
-        first_row = min(options.first_row, last)
-        lines += message_panel(snapshot, width, body, options.wanted, first_row)
+    if width < LEAST_WIDTH or height < LEAST_HEIGHT or options.page is Page.WORDS:
+        lines += _words(snapshot, width, body, options)
     else:
-        lines += _overview(snapshot, width, body, options)
+        lines += _page(snapshot, width, body, options)
     lines = lines[: height - (1 if keys else 0)]
     lines += [Text()] * (height - len(lines) - (1 if keys else 0))
     if keys:
         lines.append(Text(keys, "dim"))
     return [fitted(line, width) for line in lines]
+
+
+def _keys(options: ViewOptions, *, is_live: bool) -> str:
+    """Line of the keys at the foot."""
+    if options.keys is not None:
+        return options.keys
+    by_page = {
+        Page.MESSAGES: LIST_KEYS,
+        Page.SIGNALS: PAGE_KEYS,
+        Page.HELP: PAGE_KEYS,
+        Page.WORDS: WORDS_KEYS,
+    }
+    return by_page.get(options.page, LIVE_KEYS if is_live else LOG_KEYS)
+
+
+def last_row(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> int:
+    """Largest number of rows that can be scrolled past on a page of this size, cells."""
+    body = height - 2
+    if options.page is Page.HELP:
+        return last_help_row(width, body)
+    if options.page is Page.SIGNALS:
+        view = selected_message(snapshot.messages, options.wanted, options.selected)
+        return 0 if view is None else last_signal_row(snapshot, view, width, body)
+    return max(len(matching(snapshot.messages, options.wanted)) - 1, 0)
+
+
+def _words(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> list[Text]:
+    """All sentences, or the lines of the help, of a terminal without room for more."""
+    if options.page is Page.HELP:
+        return help_lines(width)[:height]
+    small = Text(f"(plots and tables need {LEAST_WIDTH} x {LEAST_HEIGHT})", "dim")
+    more = [] if options.page is Page.WORDS else [small]
+    return wrapped([*sentences(snapshot), *more], width, height)
+
+
+def _page(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> list[Text]:
+    if options.page is Page.HELP:
+        return help_page(width, height, options.first_row)
+    if options.page is Page.MESSAGES:
+        return message_list(snapshot, width, height, options.wanted, options.selected)
+    if options.page is Page.SIGNALS:
+        view = selected_message(snapshot.messages, options.wanted, options.selected)
+        if view is None:
+            return message_list(snapshot, width, height, options.wanted, None)
+        return signal_panel(snapshot, view, width, height, options.first_row)
+    return _overview(snapshot, width, height, options)
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +187,16 @@ def _printable(snapshot: Snapshot) -> Snapshot:
 
 def _header(snapshot: Snapshot, width: int, title: str) -> Text:
     transport = snapshot.transport
-    right = "  ".join(_state_of(snapshot, transport))
+    found, rate = _state_of(snapshot, transport), f"{snapshot.frame_rate:.0f}"
+    right = "  ".join([*found, f"{rate} frames/s"])
+    if len(title) + len(right) + 4 > width:
+        right = "  ".join([*found, f"{rate}/s"])
     room = width - len(title) - len(right) - 4
     name = transport.name
     if cell_len(name) > room:
         # The end of a path tells more than its begin.
         name = f"..{_end(name, room - 2)}" if room > 4 else ""
-    left = f"{title}  {name}"
+    left = f"{title}  {name}" if name else title
     between = " " * max(width - cell_len(left) - len(right), 2)
     text = Text(left + between + right, "bold reverse")
     return text if text.cell_len <= width else Text(right[-width:], "bold reverse")
@@ -193,11 +223,12 @@ def _state_of(snapshot: Snapshot, transport: Transport) -> list[str]:
     else:
         end = "" if transport.duration_s is None else f" of {transport.duration_s:.1f}"
         found.append(f"{transport.position_s:.1f}{end} s")
-        if transport.is_at_end:
+        if transport.catching_up_s is not None:
+            found.append("CATCHING UP")
+        elif transport.is_at_end:
             found.append("END")
         else:
             found.append("max" if isinf(transport.speed) else f"x{transport.speed:g}")
-    found.append(f"{snapshot.frame_rate:.0f}/s")
     return found
 
 
@@ -225,18 +256,3 @@ def _overview(snapshot: Snapshot, width: int, height: int, options: ViewOptions)
     key = "" if options.keys == "" else "m"
     table = message_panel(snapshot, width - left, tables, options.wanted, options.first_row, key)
     return [*said, *upper, *side_by_side(column, table)]
-
-
-def _help(width: int, height: int) -> list[Text]:
-    if width < LEAST_WIDTH or height < LEAST_HEIGHT - 2:
-        return wrapped([Text(f"{key}: {meaning}") for key, meaning in HELP], width, height)
-    inner = width - 2
-    lines: list[Text] = []
-    for key, meaning in HELP:
-        parts = wrapped([Text(meaning)], inner - KEY_WIDTH, height)
-        names = [key, *[""] * (len(parts) - 1)]
-        for name, part in zip(names, parts, strict=True):
-            lines.append(Text.assemble((f"{name:>{KEY_WIDTH - 2}}  ", "bold"), part))
-    signs = [Text(line) for line in SIGNS_HELP.splitlines()]
-    lines += wrapped(signs, inner, height - 2 - len(lines))
-    return boxed("help", lines, width, height)

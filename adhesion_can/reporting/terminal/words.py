@@ -16,6 +16,7 @@ from adhesion_can.monitoring.snapshot import (
 from adhesion_can.physics.doubt import doubt_sentence
 from adhesion_can.physics.objection import Objection, objection_sentence
 from adhesion_can.physics.status import DESCRIPTIONS, Status
+from adhesion_can.plurals import counted
 from adhesion_can.result_text import plus_minus
 
 STATUS_STYLES = {
@@ -56,6 +57,14 @@ def _sentences(snapshot: Snapshot) -> Iterator[Text]:
     transport, service = snapshot.transport, snapshot.service
     if transport.is_live and not transport.is_open:
         yield Text("The bus is down; it is reopened as soon as possible.", "bold red")
+    if transport.catching_up_s is not None:
+        yield Text(
+            f"Catching up to {_time(transport.catching_up_s)}: at "
+            f"{_time(transport.position_s)}; what is shown is from there.",
+            "yellow",
+        )
+        if not snapshot.frames:
+            return
     yield from _service_sentences(snapshot, service)
     if snapshot.true_peak is not None:
         true = snapshot.true_peak
@@ -79,10 +88,20 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
         yield Text(_no_service(snapshot, transport), "yellow")
         yield from map(Text, snapshot.remarks)
         return
-    if service.is_silent:
-        silent_s = (snapshot.t_us - service.t_us) / 1e6
+    silent_s = (snapshot.t_us - service.t_us) / 1e6
+    if service.has_ended:
         yield Text(
-            f"The service has been silent for {silent_s:.1f} s; its values are old.", "bold red"
+            f"The service ended {silent_s:.1f} s ago: it took back its setpoint. "
+            "Start `adhesion-can run` for new ones.",
+            "bold red",
+        )
+        yield from map(Text, snapshot.remarks)
+        return
+    if service.is_silent:
+        yield Text(
+            f"The service has been silent for {silent_s:.1f} s, and did not sign off: it was "
+            "killed, or its bus is cut. Its values below are old.",
+            "bold red",
         )
     style = STATUS_STYLES[service.status]
     here = ", estimated here" if transport.origin is Origin.ESTIMATED_HERE else ""
@@ -103,6 +122,13 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
     yield from map(Text, snapshot.remarks)
     if service.creep_speed is not None and snapshot.speed is not None:
         yield Text(_held(snapshot, service.creep_speed, snapshot.speed))
+
+
+def _time(seconds: float) -> str:
+    """A time after the first frame; of a minute and more also as m:ss."""
+    text = f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{text} ({minutes}:{rest:02d})" if minutes else text
 
 
 def _held(snapshot: Snapshot, wanted: float, speed: float) -> str:
@@ -226,8 +252,9 @@ def _input_sentences(snapshot: Snapshot) -> Iterator[Text]:
     if faulty:
         worst = max(faulty, key=lambda view: view.recent_faults)
         reasons = ", ".join(f"{n} {reason}" for reason, n in worst.rejected.items())
-        counted = " and ".join(filter(None, (reasons, f"{worst.lost} lost" if worst.lost else "")))
-        others = f"; {len(faulty) - 1} more messages have faults" if len(faulty) > 1 else ""
-        yield Text(f"Faults in {worst.name}: {counted} since the start{others}.", "yellow")
+        faults = " and ".join(filter(None, (reasons, f"{worst.lost} lost" if worst.lost else "")))
+        rest = len(faulty) - 1
+        others = f"; also in {counted(rest, 'other message')}" if rest else ""
+        yield Text(f"Faults in {worst.name} since the start: {faults}{others}.", "yellow")
     if snapshot.missing and snapshot.service is None:
         yield Text(f"No adhesion: no role gives {' or '.join(snapshot.missing)}.")

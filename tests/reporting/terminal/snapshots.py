@@ -4,6 +4,11 @@ from math import inf
 
 import numpy as np
 
+from adhesion_can.bus.database import load_database
+from adhesion_can.bus.frame import Frame
+from adhesion_can.bus.rejection import Rejection
+from adhesion_can.config import load_configuration
+from adhesion_can.monitoring.latest_frames import FrameKeeper
 from adhesion_can.monitoring.snapshot import (
     AxleView,
     HistoryPoint,
@@ -24,6 +29,7 @@ THETA = (0.40, 60.0, 0.30)
 TOP = peak(*THETA)
 MU_MAX, LAMBDA_M = float(TOP.mu_max), float(TOP.lambda_m)
 NOW_US = 60_000_000
+PAYLOAD = bytes.fromhex("981A3827A71C4D05")
 
 
 def service(**changes):
@@ -81,6 +87,21 @@ MESSAGES = (
 )
 
 
+def latest_frames():
+    """A frame of every message that came, decoded by the packaged database."""
+    database = load_database().db
+    choices = load_configuration().choices
+    keeper = FrameKeeper(database.messages, choices)
+    for view in MESSAGES:
+        if view.age_us is not None:
+            frame = Frame(
+                NOW_US - view.age_us, view.frame_id, PAYLOAD, is_extended=view.is_extended
+            )
+            reason = Rejection.CHECKSUM if view.rejected else None
+            keeper.add(view.key, frame, reason)
+    return keeper.latest()
+
+
 def axle_view(axle):
     slip = 0.02 * axle
     return AxleView(
@@ -131,6 +152,7 @@ def snapshot(**changes):
         "frames": 43_210,
         "frame_rate": 720.4,
         "messages": MESSAGES,
+        "latest": latest_frames(),
         "axles": tuple(axle_view(axle) for axle in range(1, 7)),
         "points": points(),
         "last_sample_us": NOW_US - 10_000,
@@ -153,7 +175,8 @@ RECORDING = Transport(
     dropped=17,
     recording="monitor-20261125-005021.log",
     recorded=1234,
-    notes=("reading up to 1300.0 s",),
+    catching_up_s=1300.0,
+    notes=("a note",),
 )
 EMPTY = Snapshot(t_us=0)
 ODD = snapshot(

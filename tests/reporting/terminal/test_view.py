@@ -14,9 +14,13 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
+from adhesion_can.bus.database import load_database
+from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
+from adhesion_can.monitoring.latest_frames import FrameKeeper
 from adhesion_can.monitoring.snapshot import (
     AxleView,
+    Kind,
     MessageState,
     Origin,
     Transport,
@@ -31,14 +35,16 @@ from adhesion_can.reporting.terminal.boxes import boxed, fitted, wrapped
 from adhesion_can.reporting.terminal.canvas import Canvas, nice_ceiling
 from adhesion_can.reporting.terminal.curve_panel import curve_band
 from adhesion_can.reporting.terminal.tables import message_panel
-from adhesion_can.reporting.terminal.view import MonitorView, Page, ViewOptions, draw
-from adhesion_can.reporting.terminal.words import sentences
+from adhesion_can.reporting.terminal.view import MonitorView, Page, ViewOptions, draw, last_row
+from adhesion_can.reporting.terminal.words import STATUS_LETTERS, sentences
 from tests.reporting.terminal.snapshots import (
     EMPTY,
     LAMBDA_M,
     MESSAGES,
     MU_MAX,
+    NOW_US,
     ODD,
+    PAYLOAD,
     RECORDING,
     THETA,
     message,
@@ -145,11 +151,114 @@ def test_a_filter_finds_names_and_numbers():
     assert "no name or id contains this" in text_of(message_panel(snapshot(), 39, 9, "zzz"))
 
 
-def test_scrolling_passes_over_rows_and_ends_at_the_last():
-    options = ViewOptions(page=Page.MESSAGES, first_row=1000)
-    text = text_of(draw(replace(snapshot(), messages=MESSAGES * 8), 80, 24, options))
-    assert "more" not in text.split("messages")[1].split("q quit")[0]
-    assert text.count("id 700") == 2
+def test_the_selected_message_is_marked_and_in_sight():
+    many = replace(snapshot(), messages=tuple(message(f"M{k}", k) for k in range(60)))
+    for number in (0, 1, 30, 58, 59):
+        options = ViewOptions(page=Page.MESSAGES, selected=(number, False))
+        text = text_of(draw(many, 80, 24, options))
+        (row,) = (line for line in text.splitlines() if " >" in line)
+        assert f" M{number} " in row
+        assert "of 60 messages: arrow keys show the others" in text
+    # One that the filter hides is not selected: the first that is shown is.
+    options = ViewOptions(page=Page.MESSAGES, selected=(1, False), wanted="M59")
+    assert " >03B " in text_of(draw(many, 80, 24, options))
+
+
+def signals_of(key, width=80, height=24, first_row=0, **changes):
+    options = ViewOptions(page=Page.SIGNALS, selected=key, first_row=first_row)
+    return text_of(draw(snapshot(**changes), width, height, options))
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+def test_the_signals_of_a_message(size):
+    text = signals_of((0x101, False), *size)
+    assert "┌ WheelSpeeds1, id 101 " in text
+    assert "8 bytes  98 1A 38 27 A7 1C 4D 05" in text
+    assert "4 ms old; 100.0 accepted frames/s, 100 expected" in text
+    assert "since the start: 6000 accepted, 0 rejected, 0 lost" in text
+    (row,) = (line for line in text.splitlines() if "WheelSpeed_Ax1" in line)
+    # 0x2738 steps of 0.002 rad/s.
+    assert row.strip("│").split() == [
+        "WheelSpeed_Ax1", "20.080", "rad/s", "10040", "4", "wheel_speed.1",
+    ]  # fmt: skip
+    (status,) = (
+        line for line in signals_of((0x201, False), *size).splitlines() if "Status" in line
+    )
+    assert status.strip("│").split() == ["Status", "1", "1", "4", "TRACKING"]
+
+
+def test_signals_say_what_is_wrong_with_a_frame():
+    text = signals_of((0x132, False))
+    assert "The service rejects the latest frame: checksum." in text
+    assert "since the start: 6000 accepted, 123458 rejected (123456 checksum, 2 order)" in text
+    assert "The database does not have this id: only the bytes are known." in signals_of(
+        (0x700, False)
+    )
+    assert "No frame of this message has been received." in signals_of((0x141, False))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ("98", "The database says 8 bytes: nothing is decoded."),
+        ("981A3827A71C4D05" * 2, "The database says 8 bytes: the first ones are decoded."),
+        ("981AFFFFA71C4D05", "not available"),
+        ("98FAA71CA71C4D05", "out of range"),  # a status of 15
+    ],
+)
+def test_signals_of_odd_payloads(data, words):
+    keeper = FrameKeeper(load_database().db.messages, ())
+    keeper.add((0x201, False), Frame(1, 0x201, bytes.fromhex(data)), None)
+    assert words in signals_of((0x201, False), latest=keeper.latest())
+
+
+def test_many_signals_are_scrolled_to_the_last():
+    options = ViewOptions(page=Page.SIGNALS, selected=(0x204, False))
+    frames = FrameKeeper(load_database().db.messages, ())
+    for axle in (1, 2, 6):
+        payload = bytes([0, axle << 4]) + PAYLOAD[2:]
+        frames.add((0x204, False), Frame(NOW_US - 1000 * axle, 0x204, payload), None)
+    shown = snapshot(
+        messages=(message("AxleSetpoint", 0x204, Kind.OUTPUT),), latest=frames.latest()
+    )
+    last = last_row(shown, 80, 24, options)
+    text = text_of(draw(shown, 80, 24, replace(options, first_row=last)))
+    assert "CreepSpeedSetpoint_Ax6" in text
+    # Each axle has its own frame behind it, and those that never came say so.
+    rows = {row.strip("│").split()[0]: row for row in text.splitlines() if "MuMax_Ax" in row}
+    rows |= {
+        row.strip("│").split()[0]: row
+        for row in text_of(draw(shown, 80, 24, options)).splitlines()
+        if "MuMax_Ax" in row
+    }
+    assert rows["MuMax_Ax2"].strip("│").split()[-1] == "2"
+    assert "not received yet" in rows["MuMax_Ax3"]
+    assert text == text_of(draw(shown, 80, 24, replace(options, first_row=999)))
+
+
+def test_the_help_explains_each_letter_and_sign_and_is_scrolled():
+    options = ViewOptions(page=Page.HELP)
+    last = last_row(snapshot(), 80, 24, options)
+    first = text_of(draw(snapshot(), 80, 24, options))
+    text = first + text_of(draw(snapshot(), 80, 24, replace(options, first_row=last)))
+    for status, letter in STATUS_LETTERS.items():
+        assert f"{letter} {status.name}" in text
+    for sign in (
+        "░",
+        "◆",
+        "┊",
+        "digits",
+        "! ",
+        "x ",
+        "- ",
+        "bad:",
+        "age ms",
+        "frames/s",
+        "+9 more",
+    ):
+        assert sign in text
+    assert "the monitor never sends." in text
+    assert "lines 1 to 19 of" in first
 
 
 def test_the_band_against_curves_drawn_by_the_deviations():
@@ -252,6 +361,32 @@ def test_who_estimates_and_where_nobody_does():
     assert "No service in this recording" in said(snapshot(service=None, transport=recorded))[0]
 
 
+def test_a_service_that_ended_is_not_one_that_was_cut_off():
+    gone = {"is_silent": True, "t_us": NOW_US - 3_000_000}
+    ended = service(status=Status.INIT, mu_max=None, has_ended=True, **gone)
+    lines = said(snapshot(service=ended))
+    assert lines[0].startswith("The service ended 3.0 s ago: it took back its setpoint.")
+    assert not any("INIT" in line for line in lines)
+    assert "did not sign off" in said(snapshot(service=service(**gone)))[0]
+
+
+def test_catching_up_is_said_first_and_in_the_header():
+    busy = replace(RECORDING, catching_up_s=120.0, position_s=84.2, paused=False)
+    shown = snapshot(transport=busy)
+    assert said(shown)[0].startswith("Catching up to 120 s (2:00): at 84 s (1:24)")
+    assert "CATCHING UP" in draw(shown, 80, 24)[0].plain
+    # Nothing is shown yet: nothing is wrong with the bus either.
+    assert said(replace(EMPTY, transport=busy)) == [said(shown)[0]]
+
+
+def test_letters_on_the_screen_are_explained_there():
+    text = text_of(draw(snapshot(history=snapshot().history[60:200]), 80, 24))
+    assert "T track" in text or "letters: key ?" in text
+    wide = text_of(draw(snapshot(), 160, 50))
+    for words in ("T track", "l low", "C change", "i init", "s stale", "F fault"):
+        assert words in wide
+
+
 def test_a_bus_that_is_down_and_a_service_that_is_gone_come_first():
     shown = snapshot(
         transport=Transport(is_open=False), service=service(is_silent=True, t_us=50_000_000)
@@ -276,10 +411,11 @@ def test_how_many_axles_hold_the_setpoint():
 
 
 def test_the_header_tells_how_the_frames_come():
-    header = draw(replace(snapshot(), transport=RECORDING), 80, 24)[0].plain
+    playing = replace(RECORDING, catching_up_s=None)
+    header = draw(replace(snapshot(), transport=playing), 80, 24)[0].plain
     for word in ("REC", "PAUSED", "estimated here", "1234.5 of 3600.0 s", "max", "720/s"):
         assert word in header
-    at_end = replace(RECORDING, is_at_end=True, paused=False)
+    at_end = replace(playing, is_at_end=True, paused=False)
     assert " END " in draw(replace(snapshot(), transport=at_end), 80, 24)[0].plain
 
 
