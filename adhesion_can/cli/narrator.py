@@ -87,7 +87,7 @@ class Narrator:
         if self._times is None:
             self._times = TimeScale.beginning_at(t_us) if self._is_text else TimeScale()
             if self._times.begin:
-                self._write(logging.INFO, f"times in s from {self._times.begin} on")
+                self._write(logging.INFO, f"times in s since {self._times.begin}")
         self._print_status(t_us, outputs)
         self._print_objection(t_us, outputs.objection)
         self._print_doubt(t_us, outputs.doubt)

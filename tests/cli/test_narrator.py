@@ -75,7 +75,7 @@ def test_times_in_text_begin_at_0_and_their_date_is_said_once():
         outputs = Outputs(status, doubt=Doubt.TIME if seconds == 2 else Doubt.NONE)
         narrator.print_setpoint(1_795_720_780_880_000 + seconds * 1_000_000, outputs)
     first, *others = file.getvalue().splitlines()
-    assert first == "times in s from 2026-11-26 19:19:40 UTC on"
+    assert first == "times in s since 2026-11-26 19:19:40 UTC"
     assert [line.split()[0] for line in others] == ["0.00", "1.00", "2.00", "2.00"]
 
 
