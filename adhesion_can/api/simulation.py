@@ -22,6 +22,7 @@ from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.formats import require_text_name
 from adhesion_can.result_text import html_table
 from adhesion_can.simulation.effect_option import parse_effects
+from adhesion_can.simulation.own_vehicle import drive_of, noise_of, scenario_of
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 
@@ -118,9 +119,11 @@ def make_simulation(settings: RunSettings, config: Configuration) -> Simulation:
     """A simulation that writes the configured database, by the roles of its signals.
 
     Raises:
+        ConfigError: Several axles share a signal without a factor of each.
         InputError: A message of the configuration cannot be written.
 
     """
+    config.require_distinct_signals()
     is_packaged = set(config.choices) <= set(packaged_choices())
     return Simulation(settings, config.database, messages=None if is_packaged else config.messages)
 
@@ -171,16 +174,25 @@ def build_run_settings(
             f"known: {', '.join(s.name for s in SCENARIOS)}",
         ) from error
     texts = list(effects)
+    drive, notes = drive_of(config.vehicle, config.limits, config.messages)
+    if plan is None:
+        found, more = scenario_of(
+            found, config.vehicle, config.limits, config.messages, drive.slip_high
+        )
+        notes += more
     return RunSettings(
         found,
         duration_s,
         seed=seed,
         vehicle=config.vehicle,
         effects=(*parse_effects(texts, config.vehicle), *_effects_of_model(config, texts, prefix)),
+        noise=noise_of(config.vehicle),
+        drive=drive,
         obey=obey or plan is not None,
         load_transfer=load_transfer,
         along_track=along_track,
         start_speed=None if plan is None else plan.start_speed,
+        notes=notes,
     )
 
 

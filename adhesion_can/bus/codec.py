@@ -107,6 +107,24 @@ class SignalPlan:
         return bottom, top if self.not_available is None else top - 1
 
     @cached_property
+    def sendable(self) -> tuple[float, float]:
+        """Lowest and highest value that fits into the raw value and the database's range.
+
+        In the signal's unit; infinite for a float without a range.
+        """
+        ends = (-math.inf, math.inf)
+        if not self.is_float:
+            bottom, top = sorted(map(self.value, self._sent_range))
+            ends = (bottom, top)
+        low, high = self.minimum, self.maximum
+        if low == high:
+            return ends  # databases write [0|0] for 'no range'
+        return (
+            ends[0] if low is None else max(low, ends[0]),
+            ends[1] if high is None else min(high, ends[1]),
+        )
+
+    @cached_property
     def _float_format(self) -> tuple[str, str]:
         return {16: ("<e", "<H"), 32: ("<f", "<I"), 64: ("<d", "<Q")}[self.length]
 

@@ -44,6 +44,7 @@ from adhesion_can.reporting.check_page import (
     signal_rows,
     table_page,
 )
+from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, Checked, legend, verdict
 from adhesion_can.reporting.data_quality import MESSAGE_COLUMNS, message_rows
 from adhesion_can.reporting.next_steps.after_recording import after_check
 from adhesion_can.reporting.provenance import provenance
@@ -139,25 +140,23 @@ def require_known_id(result: CheckResult, options: argparse.Namespace) -> None:
 def _print(result: CheckResult) -> None:
     out = console()
     out.print(
-        f"{result.frames} frames in {result.duration_s:.1f} s, {result.unknown} with other ids; "
-        f"{len(result.samples)} samples"
+        f"{result.frames} frames in {result.duration_s:.1f} s{result.times.note}, "
+        f"{result.unknown} with other ids; {len(result.samples)} samples"
     )
     out.print(table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records)))
     out.print(table("Signals", SIGNAL_COLUMNS, signal_rows(result)))
     if result.noise:
         noise = [noise_row(compared) for compared in result.noise]
         out.print(table("Noise, standard deviation", NOISE_COLUMNS, noise))
+        out.print(NOISE_NOTE)
+        out.print()
     _print_sentences(result)
 
 
-def _print_sentences(result: CheckResult | TableCheck) -> None:
+def _print_sentences(result: Checked) -> None:
     out = console()
-    for head, lines in (
-        ("WRONG", result.failures),
-        ("WARNING", result.warnings),
-        ("NOT KNOWABLE", result.limits),
-        ("FOUND", result.findings),
-    ):
-        for line in lines:
-            out.print(f"{head}: {line}", markup=False)
-    out.print("verdict: not usable as it is" if result.failures else "verdict: usable")
+    out.print(f"({legend([result])})", markup=False)
+    for kind in KINDS:
+        for line in kind.lines([result]):
+            out.print(f"{kind.tag}: {line}", markup=False)
+    out.print(f"verdict: {verdict([result])}")

@@ -28,7 +28,7 @@ from adhesion_can.cli.reading import reading
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import identify
-from adhesion_can.estimation.batch_result import BatchResult
+from adhesion_can.estimation.batch_result import BatchResult, peak_cells
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.estimate import Estimate
@@ -37,7 +37,6 @@ from adhesion_can.reporting.curves import family_lines, render_curves
 from adhesion_can.reporting.next_steps.after_recording import after_identification
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console, table
-from adhesion_can.result_text import plus_minus
 
 WORTH_TELLING = 0.02
 """Deviation from 1 from which a mean factor of the adhesion is reported."""
@@ -133,8 +132,9 @@ def _print(
         out.print(line, markup=False)
     rows = [(result.times.span(s.from_us, s.to_us), *_cells(s.estimate)) for s in result.segments]
     if len(result.segments) > 1:
-        rows.append(("all together", *_cells(result.whole)))
-    columns = ("time s", "samples", "mu_max", "lambda_m", "c1", "c2", "c3", "noise", "identifiable")
+        identifiable, _, _, *others = _cells(result.whole)
+        rows.append(("all together", identifiable, "-", "-", *others))
+    columns = ("time s", "identifiable", "mu_max", "lambda_m", "samples", "c1", "c2", "c3", "noise")
     out.print(table(f"Batch fit, ± standard deviation{result.times.note}", columns, rows))
     if model is not None:
         effects = ", ".join(model.names) or "no effects"
@@ -151,16 +151,8 @@ def _print(
             "describe the data; see the segments."
         )
     for segment in result.segments:
-        if segment.directions.sentence:
-            out.print(segment.sentence(result.times), markup=False)
-    vague = [
-        s for s in result.segments if not (s.estimate.identifiable.both or s.directions.sentence)
-    ]
-    if vague:
-        out.print(
-            f"{len(vague)} of {len(result.segments)} segments have no identifiable peak: the "
-            "slip is too small, or the noise too large."
-        )
+        if sentence := segment.sentence(result.times):
+            out.print(sentence, markup=False)
     for line in problems:
         out.print(line, markup=False)
 
@@ -169,12 +161,11 @@ def _cells(e: Estimate) -> tuple[str, ...]:
     known = e.identifiable
     peak = {(True, True): "yes", (True, False): "height only", (False, True): "place only"}
     return (
+        peak.get((known.mu_max, known.lambda_m), "no"),
+        *peak_cells(e),
         str(e.samples),
-        plus_minus(e.mu_max, e.mu_max_std if known.mu_max else None),
-        plus_minus(e.lambda_m, e.lambda_m_std if known.lambda_m else None),
         f"{e.c1:.4f}",
         f"{e.c2:.2f}",
         f"{e.c3:.4f}",
         f"{e.noise_std:.4f}",
-        peak.get((known.mu_max, known.lambda_m), "no"),
     )

@@ -11,7 +11,7 @@ from adhesion_can.physics.doubt import Doubt, doubt_sentence
 from adhesion_can.physics.objection import Objection, objection_sentence
 from adhesion_can.physics.status import Status
 from adhesion_can.printable import printable
-from adhesion_can.result_text import plus_minus
+from adhesion_can.result_text import TimeScale, plus_minus
 from adhesion_can.service.outputs import Outputs
 
 FORMATS = ("text", "json")
@@ -63,6 +63,9 @@ class Narrator:
         self._is_taken = is_taken
         self._room, self._counted_s = float(BURST), clock()
         self._left_out = 0
+        self._is_text = form == "text"
+        self._times: TimeScale | None = None
+        """Scale of the times in lines of text, from the first setpoint on."""
         self._status: Status | None = None
         self._printed_us = 0
         self._doubt = Doubt.NONE
@@ -77,7 +80,14 @@ class Narrator:
         self._write(logging.WARNING, line)
 
     def print_setpoint(self, t_us: int, outputs: Outputs) -> None:
-        """Report a new status, objection or doubt at a due time, µs."""
+        """Report a new status, objection or doubt at a due time, µs.
+
+        In text the date is given once, and times count from there; JSON has the bus's stamps.
+        """
+        if self._times is None:
+            self._times = TimeScale.beginning_at(t_us) if self._is_text else TimeScale()
+            if self._times.begin:
+                self._write(logging.INFO, f"times in s since {self._times.begin}")
         self._print_status(t_us, outputs)
         self._print_objection(t_us, outputs.objection)
         self._print_doubt(t_us, outputs.doubt)
@@ -89,7 +99,7 @@ class Narrator:
         sentence = objection_sentence(objection)
         level = logging.WARNING if sentence else logging.INFO
         fields = {"bus_time_s": t_us / 1e6, "objection": objection.name}
-        self._tell(level, f"{t_us / 1e6:.2f} {sentence or 'the readings agree again'}", fields)
+        self._tell(level, f"{self._time(t_us)} {sentence or 'the readings agree again'}", fields)
 
     def _print_doubt(self, t_us: int, doubt: Doubt) -> None:
         # 'Not available' in between neither confirms the last doubt nor takes it away.
@@ -100,7 +110,7 @@ class Narrator:
         line = sentence or "no more doubt"
         level = logging.WARNING if sentence else logging.INFO
         fields = {"bus_time_s": t_us / 1e6, "doubt": doubt.name}
-        self._tell(level, f"{t_us / 1e6:.2f} {line}", fields)
+        self._tell(level, f"{self._time(t_us)} {line}", fields)
 
     def _print_status(self, t_us: int, outputs: Outputs) -> None:
         # A log file wants changes alone; a person at a terminal wants to see that it lives.
@@ -113,7 +123,7 @@ class Narrator:
         self._status, self._printed_us = outputs.status, t_us
         point = outputs.setpoint
         line = (
-            f"{t_us / 1e6:.2f} {outputs.status.name:15} "
+            f"{self._time(t_us)} {outputs.status.name:15} "
             f"mu_max {plus_minus(point.mu_max, outputs.mu_max_std)}  "
             f"lambda_m {plus_minus(point.lambda_m, outputs.lambda_m_std)}"
         )
@@ -124,6 +134,9 @@ class Narrator:
             "lambda_m": point.lambda_m,
         }
         self._tell(_LEVELS.get(outputs.status, logging.INFO), line, fields)
+
+    def _time(self, t_us: int) -> str:
+        return f"{(self._times or TimeScale()).seconds(t_us / 1e6):.2f}"
 
     def _write(self, level: int, line: str) -> None:
         """Write a line where the rate allows it."""

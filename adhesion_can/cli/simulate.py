@@ -122,6 +122,8 @@ def run(options: argparse.Namespace) -> int:
         f"{where}: {sent} frames of {settings.duration_s:g} s of '{settings.scenario.name}'",
         sys.stdout,
     )
+    for note in simulation.notes():
+        say(note, sys.stdout)
     if options.truth is not None:
         write_json(str(options.truth), {**simulation.truth(), **provenance(config)})
     return 0

@@ -204,10 +204,14 @@ class Configuration:
         """Names of the messages whose cycle neither the roles nor the database state."""
         return [message.plan.name for message in self.messages if message.cycle_us is None]
 
-    def require_identification(self) -> None:
-        """ConfigError where no adhesion can be computed, or a cycle time is unknown."""
+    def require_distinct_signals(self) -> None:
+        """ConfigError where a signal has two roles that it cannot have."""
         for what, fix in self.shared_signals():
             raise ConfigError(f"{self.where}: roles", what, fix)
+
+    def require_identification(self) -> None:
+        """ConfigError where no adhesion can be computed, or a cycle time is unknown."""
+        self.require_distinct_signals()
         missing = self.missing_for_identification()
         if missing:
             raise ConfigError(

@@ -82,6 +82,9 @@ def load_configuration(
     sections = tuple(settings_sections())
     tables = {name: document.pop(name) for name in sections if name in document}
     settings = nested_settings(Configuration, tables, where)
+    if "effort_std" not in tables.get("sensors", {}):
+        usual = settings["sensors"].effort_std * vehicle.relative_load
+        settings["sensors"] = replace(settings["sensors"], effort_std=usual)
     reject_unknown_keys(
         document, where, ("bus", "vehicle", "roles", "channels", "table", "estimator", *sections)
     )

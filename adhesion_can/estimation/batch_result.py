@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from adhesion_can.estimation.curve_result import CurveComparison
     from adhesion_can.estimation.rail_peak import RailPeak
 
+NOT_SHOWN = "not in data"
+"""Text in place of a number of the peak that the data do not show."""
+
 
 class Segment(NamedTuple):
     """Span of samples on one surface.
@@ -21,6 +24,7 @@ class Segment(NamedTuple):
         to_us: Stamp of its last sample, µs.
         estimate: Estimate from its samples; its peak is not identifiable where directions differ.
         directions: What speaks against one curve for traction and braking.
+        missing: Clause on what of the peak the samples do not show, and why; '' where they show it.
 
     """
 
@@ -28,10 +32,11 @@ class Segment(NamedTuple):
     to_us: int
     estimate: Estimate
     directions: Directions = Directions()
+    missing: str = ""
 
     def sentence(self, times: TimeScale) -> str:
-        """What speaks against one curve, with the times; '' where nothing does."""
-        why = self.directions.sentence
+        """Why its peak is not known, with the times; '' where it is."""
+        why = self.directions.sentence or self.missing
         return why and f"{times.span(self.from_us, self.to_us)} s: {why}"
 
 
@@ -72,6 +77,7 @@ class BatchResult:
                 "to_s": s.to_us / 1e6,
                 **_with_intervals(s.estimate),
                 "directions": s.directions._asdict(),
+                "missing": s.directions.sentence or s.missing or None,
             }
             for s in self.segments
         ]
@@ -95,8 +101,7 @@ class BatchResult:
             (
                 self.times.span(s.from_us, s.to_us),
                 str(s.estimate.samples),
-                plus_minus(s.estimate.mu_max, s.estimate.to_dict()["mu_max"]["std"]),
-                plus_minus(s.estimate.lambda_m, s.estimate.to_dict()["lambda_m"]["std"]),
+                *peak_cells(s.estimate),
                 "yes" if s.estimate.identifiable.both else "no",
             )
             for s in self.segments
@@ -104,6 +109,15 @@ class BatchResult:
         columns = ("time s", "samples", "mu_max", "lambda_m", "identifiable")
         title = f"Batch fit by segment, ± standard deviation{self.times.note}"
         return html_table(title, columns, rows)
+
+
+def peak_cells(estimate: Estimate) -> tuple[str, str]:
+    """Texts of mu_max and lambda_m; of what the data do not show there is no number."""
+    known = estimate.identifiable
+    return (
+        plus_minus(estimate.mu_max, estimate.mu_max_std) if known.mu_max else NOT_SHOWN,
+        plus_minus(estimate.lambda_m, estimate.lambda_m_std) if known.lambda_m else NOT_SHOWN,
+    )
 
 
 def _with_intervals(estimate: Estimate) -> dict[str, Any]:

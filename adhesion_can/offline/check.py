@@ -34,7 +34,7 @@ LOAD_TOLERANCE = 1.5
 """Factor by which a configured axle load may lie beyond the measured ones."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class CheckResult:
     """Result of the check of a recording.
 
@@ -57,6 +57,7 @@ class CheckResult:
         first_us: Stamp of the first frame, µs: time 0 of the sentences.
         drive_signals: Readings and slips over time; None where they were not collected.
         fit: Batch fit of the samples; None where none is usable or adhesion cannot be computed.
+        shows_peak: Whether a segment shows its peak.
 
     """
 
@@ -78,11 +79,18 @@ class CheckResult:
     objections: tuple[ObjectionSpan, ...] = ()
     first_us: int = 0
     drive_signals: DriveSignals | None = None
+    shows_peak: bool = False
+
+    @property
+    def times(self) -> TimeScale:
+        """Scale of its times for people, from its first frame on."""
+        return TimeScale.beginning_at(self.first_us)
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
         return {
             "usable": not self.failures,
+            "shows_peak": self.shows_peak,
             "failures": self.failures,
             "limits": self.limits,
             "findings": self.findings,
@@ -342,7 +350,9 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
     if result.fit is None:
         result.failures.append("every sample lies outside the slip range of the curve")
         return
-    describe_excitation(result.samples, result.fit, result.findings, result.limits)
+    result.shows_peak = describe_excitation(
+        result.samples, result.fit, result.findings, result.limits, result.times
+    )
     result.findings.extend(propose_instruments(result.samples, result.fit, configuration))
 
 
@@ -365,8 +375,12 @@ def _watch(
 
 
 def describe_excitation(
-    samples: Samples, fitted: BatchResult, findings: list[str], limits: list[str]
-) -> None:
+    samples: Samples,
+    fitted: BatchResult,
+    findings: list[str],
+    limits: list[str],
+    times: TimeScale | None = None,
+) -> bool:
     """Add sentences about the slips that were driven and the peaks that they show.
 
     Args:
@@ -374,15 +388,19 @@ def describe_excitation(
         fitted: Their batch fit.
         findings: Sentences about what can be estimated.
         limits: Sentences about what cannot be estimated.
+        times: Scale of the times for people; None: that of the fit.
+
+    Returns:
+        Whether a segment shows its peak.
 
     """
     low, high = np.quantile(np.abs(samples.slip), [0.05, 0.98])
     findings.append(f"{len(samples)} samples, |slip| from {low:.4f} to {high:.4f} (5 % to 98 %)")
     known = [s for s in fitted.segments if s.estimate.identifiable.both]
-    text = f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
-    differing = [s.sentence(fitted.times) for s in fitted.segments if s.directions.sentence]
-    limits.extend(differing)
     if known:
-        findings.append(text)
-    elif not differing:
-        limits.append(f"{text}: the slip never goes far enough beyond the peak")
+        findings.append(
+            f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
+        )
+    times = times or fitted.times
+    limits.extend(sentence for s in fitted.segments if (sentence := s.sentence(times)))
+    return bool(known)

@@ -39,7 +39,7 @@ class ColumnRange(NamedTuple):
     missing: int
 
 
-@dataclass(frozen=True)
+@dataclass
 class TableCheck:
     """Result of the check of a table.
 
@@ -53,6 +53,7 @@ class TableCheck:
         findings: What can be estimated from it, a sentence each.
         samples: Samples of the table.
         fit: Batch fit of the samples; None where none is usable.
+        shows_peak: Whether a segment shows its peak.
 
     """
 
@@ -65,12 +66,14 @@ class TableCheck:
     findings: list[str] = field(default_factory=list)
     samples: Samples | None = None
     fit: BatchResult | None = None
+    shows_peak: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """For `--json`."""
         return {
             "name": self.name,
             "usable": not self.failures,
+            "shows_peak": self.shows_peak,
             "failures": self.failures,
             "warnings": self.warnings,
             "limits": self.limits,
@@ -163,5 +166,5 @@ def _check_excitation(
     for sign, way in ((1.0, "traction"), (-1.0, "braking")):
         if not np.any(sign * samples.slip > 0.0):
             result.limits.append(f"no {way}: instrument errors cannot be separated from the curve")
-    describe_excitation(samples, fitted, result.findings, result.limits)
+    result.shows_peak = describe_excitation(samples, fitted, result.findings, result.limits)
     return fitted

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
+from statistics import fmean
 from typing import Annotated
 
 import numpy as np
@@ -94,6 +95,10 @@ def _centred(count: int) -> Array:
     return np.asarray((count - 1) / 2 - np.arange(count))
 
 
+DEFAULT_LOAD = 245e3
+"""Static load of an axle of the default locomotive, N."""
+
+
 @dataclass(frozen=True, slots=True)
 class Locomotive:
     """A locomotive and its train; the defaults are a heavy Co-Co.
@@ -111,7 +116,9 @@ class Locomotive:
     wheel_radius: Annotated[tuple[float, ...], Within(0.01, 10), Length(1, MOST_AXLES)] = (
         0.625,
     ) * 6
-    axle_load: Annotated[tuple[float, ...], Within(1, 1e7), Length(1, MOST_AXLES)] = (245e3,) * 6
+    axle_load: Annotated[tuple[float, ...], Within(1, 1e7), Length(1, MOST_AXLES)] = (
+        DEFAULT_LOAD,
+    ) * 6
     wheelset_inertia: Annotated[float, Within(0, 1e6)] = 200.0
     train_mass: Annotated[float, Within(1, 1e12)] = 1.65e6
     geometry: Geometry | None = field(default_factory=Geometry)
@@ -130,6 +137,15 @@ class Locomotive:
     def axles(self) -> int:
         """Number of axles."""
         return len(self.wheel_radius)
+
+    @property
+    def relative_load(self) -> float:
+        """Mean static load of an axle over that of the default locomotive, 1.
+
+        Noise of efforts and loads is in proportion to it: an inverter's estimate of the torque is
+        specified in percent of the rated one, and motors are laid out for the load.
+        """
+        return fmean(self.axle_load) / DEFAULT_LOAD
 
     def transfer_shares(self, traction: float = 1.0) -> Array:
         """Load that each axle gains for each axle's effort, 1, shape (axles, axles).

@@ -11,6 +11,7 @@ from adhesion_can.offline.compare_noise import ComparedNoise
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.physics.samples import Samples
 from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, RED, Trace, panel_layout, place
+from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, WRONG, Checked, verdict
 from adhesion_can.reporting.data_quality import quality_parts
 from adhesion_can.reporting.drive.signal_panels import SignalPanels, signal_panels
 from adhesion_can.reporting.page import Figure, Items, Page, Part, Section, Table, Text
@@ -19,7 +20,7 @@ from adhesion_can.reporting.time_panels import line as trace_line
 from adhesion_can.result_text import TimeScale
 
 SIGNAL_COLUMNS = ("signal", "unit", "readings", "lowest", "highest")
-NOISE_COLUMNS = ("sensor", "estimated", "configured", "errors last", "unit")
+NOISE_COLUMNS = ("sensor", "estimated", "configured", "unit", "correlation time")
 COLUMN_COLUMNS = ("column", "lowest", "highest", "empty", "taken for")
 MOST_POINTS = 4000
 """Largest number of samples that are drawn."""
@@ -64,10 +65,8 @@ def noise_row(compared: ComparedNoise) -> tuple[str, ...]:
     else:
         estimated = f"{found.std:.3g}"
     if found.std is not None and found.lasts_s is not None:
-        lasts = (
-            f"{found.lasts_s:.2g} s" if found.lasts_s else f"not seen up to {found.seen_s:.2g} s"
-        )
-    return compared.name, estimated, f"{compared.configured:.3g}", lasts, compared.unit
+        lasts = f"{found.lasts_s:.2g} s" if found.lasts_s else f"0 (up to {found.seen_s:.2g} s)"
+    return compared.name, estimated, f"{compared.configured:.3g}", compared.unit, lasts
 
 
 def recording_page(
@@ -98,7 +97,7 @@ def recording_page(
     if result.noise:
         rows = [noise_row(compared) for compared in result.noise]
         caption = "Noise of the sensors, estimated from the readings, standard deviation."
-        sections["Noise"] = [Table(caption, NOISE_COLUMNS, rows)]
+        sections["Noise"] = [Table(caption, NOISE_COLUMNS, rows, f"{NOISE_NOTE}.")]
     lead = (
         f"{result.frames} frames in {result.duration_s:.1f} s, processed as the service would; "
         f"{len(result.samples)} samples of slip and adhesion."
@@ -132,34 +131,30 @@ def table_page(results: Sequence[TableCheck], provenance: Mapping[str, str]) -> 
 def _page(
     title: str,
     lead: str,
-    results: Sequence[CheckResult | TableCheck],
+    results: Sequence[Checked],
     sections: Mapping[str, Sequence[Part]],
     provenance: Mapping[str, str],
     begin: str = "",
 ) -> Page:
     failures = [line for result in results for line in result.failures]
-    verdict = "Usable." if not failures else "Not usable as it is:"
+    said = verdict(results)
     return Page(
         title=title,
         lead=lead,
-        verdict=[verdict, *failures],
+        verdict=[f"{said[0].upper()}{said[1:]}{':' if failures else '.'}", *failures],
         sections=[Section(name, parts) for name, parts in sections.items()],
         provenance=provenance,
         begin=begin,
     )
 
 
-def _findings(results: Sequence[CheckResult | TableCheck]) -> dict[str, list[Part]]:
+def _findings(results: Sequence[Checked]) -> dict[str, list[Part]]:
     """Section with the sentences of a check by their kind, but for those of the verdict."""
     parts: list[Part] = []
-    for head, name in (
-        ("Odd:", "warnings"),
-        ("Cannot be estimated from these data:", "limits"),
-        ("Can be estimated:", "findings"),
-    ):
-        lines = [line for result in results for line in getattr(result, name)]
-        if lines:
-            parts += [Text(head), Items(lines)]
+    for kind in KINDS:
+        lines = kind.lines(results)
+        if lines and kind is not WRONG:
+            parts += [Text(f"{kind.tag} ({kind.meaning}):"), Items(lines)]
     return {"Findings": parts} if parts else {}
 
 

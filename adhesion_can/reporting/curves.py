@@ -24,6 +24,9 @@ def family_lines(result: BatchResult) -> list[str]:
     """Which curve families hold: one line, or one for each segment that differs from the others."""
     said: dict[str, list[Segment]] = {}
     for segment, rail in zip(result.segments, result.rails, strict=False):
+        known = segment.estimate.identifiable
+        if rail is not None and rail.burckhardt_holds and not (known.mu_max or known.lambda_m):
+            continue  # slips that show no peak contradict no family
         if rail is not None:
             text = rail.sentence
         elif segment.directions.sentence:

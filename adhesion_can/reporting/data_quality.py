@@ -7,7 +7,7 @@ from adhesion_can.offline.check import mean_cycle_ms
 from adhesion_can.reporting.page import Items, Part, Table, Text
 
 MESSAGE_COLUMNS = (
-    "message", "frames", "cycle", "nominal", "longest gap", "rejected", "lost", "n/a",
+    "message", "frames", "rejected", "lost", "n/a", "cycle ms", "nominal", "gap ms",
 )  # fmt: skip
 
 
@@ -20,12 +20,12 @@ def message_rows(records: Iterable[MessageRecord]) -> list[tuple[str, ...]]:
             (
                 f"{record.message.plan.name} {record.message.plan.frame_id:#x}",
                 str(record.frames),
-                "-" if cycle is None else f"{cycle:.2f} ms",
-                "-" if nominal is None else f"{nominal / 1e3:.0f} ms",
-                f"{record.longest_gap_us / 1e3:.0f} ms",
                 str(sum(record.rejected.values())),
                 str(record.lost),
                 str(record.not_available),
+                "-" if cycle is None else f"{cycle:.2f}",
+                "-" if nominal is None else f"{nominal / 1e3:.0f}",
+                f"{record.longest_gap_us / 1e3:.0f}",
             )
         )
     return rows
@@ -37,8 +37,9 @@ def message_table(records: Sequence[MessageRecord]) -> Table:
         "Messages, their cycles and faults.",
         MESSAGE_COLUMNS,
         message_rows(records),
-        "cycle: mean time between accepted frames. rejected: wrong checksum, counter, length or "
-        "range. lost: missing according to the counter. n/a: readings marked 'not available'.",
+        "rejected: wrong checksum, counter, length or range. lost: missing according to the "
+        "counter. n/a: readings marked 'not available'. cycle: mean time between accepted frames. "
+        "gap: the longest one.",
     )
 
 

@@ -100,8 +100,8 @@ def _found(outputs: Outputs, mu_max: float) -> bool:
 
 
 PHASE_COLUMNS = (
-    "surface", "from s", "mu_max", "estimated", "error", "lambda_m", "estimated",
-    "found", "used", "doubt",
+    "surface", "from s", "found", "doubt", "mu_max", "estimated", "error",
+    "lambda_m", "estimated", "used",
 )  # fmt: skip
 
 
@@ -115,14 +115,14 @@ def phase_rows(found: Sequence[Phase]) -> list[tuple[str, ...]]:
             (
                 str(true["name"]),
                 f"{true['from_s']:.1f}",
+                "not found" if phase.found_s is None else f"{phase.found_s:.2f} s",
+                out.doubt.name.lower().replace("_", " ") if out.doubt in DESCRIPTIONS else "-",
                 f"{true['mu_max']:.4f}",
                 plus_minus(point.mu_max, out.mu_max_std),
                 "-" if phase.error is None else f"{100 * phase.error:+.1f} %",
                 f"{true['lambda_m']:.4f}",
                 plus_minus(point.lambda_m, out.lambda_m_std),
-                "not found" if phase.found_s is None else f"{phase.found_s:.2f} s",
                 "-" if phase.adhesion_used is None else f"{100 * phase.adhesion_used:.0f} %",
-                out.doubt.name.lower().replace("_", " ") if out.doubt in DESCRIPTIONS else "-",
             )
         )
     return rows
@@ -132,6 +132,8 @@ def phase_table(found: Sequence[Phase]) -> FittingTable:
     """Table of truth and estimate, a row a surface; with a column of doubts where there are any."""
     rows = phase_rows(found)
     doubtful = any(phase.last and phase.last.doubt in DESCRIPTIONS for phase in found)
-    width = len(PHASE_COLUMNS) if doubtful else len(PHASE_COLUMNS) - 1
+    shown = [i for i, name in enumerate(PHASE_COLUMNS) if doubtful or name != "doubt"]
     title = "Truth and estimate at the end of each surface"
-    return table(title, PHASE_COLUMNS[:width], [row[:width] for row in rows])
+    return table(
+        title, [PHASE_COLUMNS[i] for i in shown], [[row[i] for i in shown] for row in rows]
+    )

@@ -74,7 +74,13 @@ class FittingTable:
 
     def _part(self, title: str, begin: int, end: int) -> Table:
         """The first column to the left, some of the others to the right."""
-        made = Table(title=title or None, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        made = Table(
+            title=title or None,
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            pad_edge=False,
+            collapse_padding=True,
+        )
         for i in (0, *range(begin, end)):
             name = self.columns[i]
             made.add_column(name, justify="left" if i == 0 else "right", no_wrap=True)

@@ -40,7 +40,8 @@ class Sensors:
     Attributes:
         wheel_speed_std: Standard deviation of the wheel speed, rad/s.
         vehicle_speed_std: Standard deviation of the vehicle speed, m/s.
-        effort_std: Standard deviation of the effort of an axle, N.
+        effort_std: Standard deviation of the effort of an axle, N. Without the key 1 % of the mean
+            static load, which is the default's for 245 kN.
 
     """
 

@@ -26,6 +26,8 @@ class DriveSettings:
         gain: Proportional gain, N per m/s of creep speed error.
         integral_gain: Integral gain, N/s per m/s of creep speed error.
         effort_max: Largest effort of one axle, N.
+        braking_max: Largest effort of one axle in braking, N, as a positive number; None: that of
+            traction.
         lag_s: Time constant of the motor's torque, s.
         slip_low: Lower end of a probing sweep, slip ratio.
         slip_high: Upper end of a probing sweep, slip ratio, beyond the peak of every surface.
@@ -47,6 +49,12 @@ class DriveSettings:
     probe_s: float = 3.0
     v_min: float = 1.0
     demand_timeout_s: float = 0.03
+    braking_max: float | None = None
+
+    @property
+    def lowest_effort(self) -> float:
+        """Effort of the strongest braking, N, 0 or less."""
+        return -(self.effort_max if self.braking_max is None else self.braking_max)
 
 
 class Pattern(Enum):
@@ -166,7 +174,7 @@ class Drive:
     def _control_creep(self, error: Array, dt: float) -> Array:
         s = self.settings
         wanted = s.gain * error + self._integral
-        limited = np.minimum(np.maximum(wanted, -s.effort_max), s.effort_max)
+        limited = np.minimum(np.maximum(wanted, s.lowest_effort), s.effort_max)
         # Anti-windup by conditional integration: at the limit the integral stands still.
         free = (wanted == limited) | (np.sign(error) != np.sign(wanted))
         self._integral = self._integral + dt * s.integral_gain * error * free
@@ -175,7 +183,7 @@ class Drive:
     def _follow_demand(self, time_s: float) -> Array:
         s = self.settings
         fresh = time_s - self._demanded_s <= s.demand_timeout_s
-        return np.where(fresh, np.clip(self._demand, -s.effort_max, s.effort_max), 0.0)
+        return np.where(fresh, np.clip(self._demand, s.lowest_effort, s.effort_max), 0.0)
 
     def demand_efforts(self, time_s: float, efforts: Mapping[int, float]) -> None:
         """Give the motors over to a creep controller outside: from now on they follow its demands.

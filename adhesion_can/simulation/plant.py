@@ -57,12 +57,18 @@ def running_resistance(speed: float, train_mass: float) -> float:
 class GradientProfile:
     """A track that keeps the train near a speed: it rises where the train is fast.
 
+    A vehicle whose wheels are all driven is stronger than any track is steep. Beside it runs what
+    adhesion tests have for that: a second vehicle, which brakes it where it is fast and pushes it
+    where it is slow.
+
     Attributes:
         speed: Speed at which the track is level, m/s.
         rise: Gradient per m/s above that speed, m/m per m/s.
         steepest: Largest gradient up or down, m/m.
         amplitude: Relative amplitude with which the speed of the level track varies with time.
         period_s: Period of the variation, s.
+        help_rise: Force of the second vehicle per m/s, in shares of the train's weight.
+        help_most: Largest force of the second vehicle, in shares of the train's weight.
 
     """
 
@@ -71,11 +77,24 @@ class GradientProfile:
     steepest: float = 0.035
     amplitude: float = 0.0
     period_s: float = 180.0
+    help_rise: float = 0.0
+    help_most: float = 0.0
 
     def at(self, speed: float, time_s: float = 0.0) -> float:
         """Gradient where the train has a speed (m/s) at a time (s), m/m, positive uphill."""
-        level = self.speed * (1.0 + self.amplitude * sin(2.0 * pi * time_s / self.period_s))
-        return min(max(self.rise * (speed - level), -self.steepest), self.steepest)
+        excess = self.rise * (speed - self._level(time_s))
+        return min(max(excess, -self.steepest), self.steepest)
+
+    def help(self, speed: float, time_s: float = 0.0) -> float:
+        """Force of the second vehicle where the train has a speed (m/s) at a time (s).
+
+        In shares of the train's weight, positive where it brakes.
+        """
+        excess = self.help_rise * (speed - self._level(time_s))
+        return min(max(excess, -self.help_most), self.help_most)
+
+    def _level(self, time_s: float) -> float:
+        return self.speed * (1.0 + self.amplitude * sin(2.0 * pi * time_s / self.period_s))
 
 
 class Plant:
@@ -142,6 +161,12 @@ class Plant:
         return slope.at(self.speed, self.time_s) if isinstance(slope, GradientProfile) else slope
 
     @property
+    def _help(self) -> float:
+        """Force of the second vehicle in shares of the train's weight, positive where it brakes."""
+        slope = self._gradient
+        return slope.help(self.speed, self.time_s) if isinstance(slope, GradientProfile) else 0.0
+
+    @property
     def conditions(self) -> Conditions:
         """Conditions around the locomotive now."""
         known = self._surroundings.at(self.time_s, self.position)
@@ -185,7 +210,8 @@ class Plant:
             self.wheel_speed = np.where(locked, 0.0, self.wheel_speed)
         mass = self.vehicle.train_mass
         resistance = running_resistance(self.speed, mass) if self.speed > 0 else 0.0
-        pull = float(self.force.sum()) - resistance - mass * GRAVITY * self.gradient
+        held = self.gradient + self._help
+        pull = float(self.force.sum()) - resistance - mass * GRAVITY * held
         before = self.speed
         self.speed = max(before + dt * pull / mass, 0.0)
         self.acceleration = (self.speed - before) / dt

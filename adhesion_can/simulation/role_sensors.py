@@ -1,5 +1,6 @@
 """Sensors on the bus of any database, whose signals have the roles of a configuration."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 
@@ -15,6 +16,7 @@ from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.readings import Direction, Role, SpeedSource
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.sensors import (
+    NOISE_ROOM,
     SLOT_US,
     WHOLE_VEHICLE,
     NoiseSettings,
@@ -107,6 +109,14 @@ class RoleSensors:
         self._delay_us = delays_by_role_us(instruments)
         longest_us = max(self._delay_us.values())
         self._history = StateHistory(longest_us)
+        self._std = {
+            Role.WHEEL_SPEED: noise.wheel_speed,
+            Role.VEHICLE_SPEED: noise.vehicle_speed,
+            Role.TRACTIVE_EFFORT: noise.effort,
+            Role.AXLE_LOAD: noise.load,
+        }
+        self._sent: Counter[str] = Counter()
+        self._saturated: Counter[str] = Counter()
         sent = [message for message in messages if message.roles - {Role.CHANNEL}]
         self._transmitters = [RoleTransmitter(one, slot) for slot, one in enumerate(sent)]
 
@@ -135,21 +145,46 @@ class RoleSensors:
                 None if value is None else (value + signal.offset) / signal.scale
             )
         values: dict[str, float | None] = {}
+        signals = {signal.plan.name: signal for signal in transmitter.signals}
         for signal in transmitter.signals:
             # One force of several axles has shares that agree but for their noise.
             known = [value for value in given[signal.plan.name] if value is not None]
             value = fmean(known) if known else None
             if value is not None or signal.plan.not_available is not None:
                 values[signal.plan.name] = value
-            if value is not None and not signal.plan.in_range(value):
+        return {
+            name: value if value is None else self._within(transmitter, signals[name], value)
+            for name, value in values.items()
+        }
+
+    def saturation(self) -> list[str]:
+        """Sentences on the signals that stood at an end of their range, and for how long."""
+        return [
+            f"{name}: at an end of its range in {100 * count / self._sent[name]:.1f} % of its "
+            "frames"
+            for name, count in self._saturated.items()
+        ]
+
+    def _within(self, transmitter: RoleTransmitter, signal: BoundSignal, value: float) -> float:
+        """A value as its signal can carry it: a sensor stops at the end of its range.
+
+        InputError where the signal cannot carry even its first value.
+        """
+        low, high = signal.plan.sendable
+        sent = min(max(value, low), high)
+        name = f"{signal.name} ({transmitter.name}.{signal.plan.name})"
+        self._sent[name] += 1
+        if sent != value:
+            self._saturated[name] += 1
+            room = NOISE_ROOM * self._std.get(signal.role, 0.0) / abs(signal.scale)
+            if self._sent[name] == 1 and abs(sent - value) > room:
                 raise InputError(
                     f"roles.{signal.name}",
                     f"{transmitter.name}.{signal.plan.name} would be {value:.6g}, beyond its range "
-                    f"in the database ({signal.plan.minimum:g} to {signal.plan.maximum:g})",
-                    "correct the range, the unit of the role or its sign, or simulate another "
-                    "scenario",
+                    f"in the database ({low:g} to {high:g})",
+                    "correct the range, the unit of the role or its sign",
                 )
-        return values
+        return sent
 
     def _measure(self, signal: BoundSignal, state: PlantState, time_s: float) -> float | None:
         """Measured value of a role, SI; None where the locomotive has no such sensor."""

@@ -54,6 +54,7 @@ class RunSettings:
         along_track: Whether each axle finds a change of surface where the leading one found it, or
             all at the same time.
         start_speed: Speed at the start, m/s; None: that of the scenario.
+        notes: Sentences on what was changed in the scenario for the vehicle.
 
     """
 
@@ -68,6 +69,7 @@ class RunSettings:
     load_transfer: bool = False
     along_track: bool = False
     start_speed: float | None = None
+    notes: tuple[str, ...] = ()
 
 
 def _raw(signal: SignalPlan, payload: bytes) -> int:
@@ -231,6 +233,11 @@ class Simulation:
         rest_s = drive.settings.probe_s - (time_s - drive.command.since_s)
         return f"{probing} to find the peak. {max(rest_s, 0.0):.1f} s left."
 
+    def notes(self) -> list[str]:
+        """Sentences on what was changed for the vehicle, and on readings that were cut off."""
+        cut = self._sensors.saturation() if isinstance(self._sensors, RoleSensors) else []
+        return [*self.settings.notes, *cut]
+
     def adhesion_used(self) -> float:
         """Adhesion that the axles use now, Σ F / Σ N."""
         return float(self.plant.force.sum() / self.plant.load.sum())
@@ -277,6 +284,7 @@ class Simulation:
             ],
             "noise": asdict(settings.noise),
             "surroundings": asdict(settings.scenario.surroundings),
+            "notes": self.notes(),
         }
 
     def _surface_truth(self, surface: Surface | FamilySurface) -> dict[str, Any]:

@@ -17,6 +17,11 @@ _BY_NAME: dict[str, Surface | FamilySurface] = {
 SPEED_PERIOD_S = 170.0
 """Period of the swing of the speed, s; the other periods of `sweep` share no multiple with it."""
 
+STEEPEST = 0.035
+"""Gradient of the steepest track, m/m."""
+RISE, SWINGING_RISE = 0.005, 0.02
+"""Gradient per m/s above the speed of the level track, m/m, where that is constant or swings."""
+
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
@@ -33,6 +38,9 @@ class Scenario:
         load_transfer: Whether axle loads always change under effort.
         gradient: Constant gradient of the track, m/m; None: a profile keeps the train near `speed`.
         surroundings: Air, rail, sand and curves along the run.
+        pace: Factor by which the speeds of the run were multiplied, in `speed` already.
+        help: Force of a second vehicle that keeps the speed where the track alone cannot, over what
+            a track of `STEEPEST` gives; 0: there is none.
 
     """
 
@@ -45,6 +53,8 @@ class Scenario:
     load_transfer: bool = False
     gradient: float | None = None
     surroundings: Surroundings = field(default_factory=Surroundings)
+    pace: float = 1.0
+    help: float = 0.0
 
     @property
     def family(self) -> CurveFamily | None:
@@ -60,11 +70,29 @@ class Scenario:
         """
         if self.gradient is not None:
             return self.gradient
-        if not self.speed_swing:
-            return GradientProfile(self.speed, rise=0.005)
         return GradientProfile(
-            self.speed, rise=0.02, amplitude=self.speed_swing, period_s=SPEED_PERIOD_S
+            self.speed,
+            rise=self._rise / self.pace,
+            steepest=STEEPEST,
+            amplitude=self.speed_swing,
+            period_s=SPEED_PERIOD_S,
+            help_rise=self.help * RISE / self.pace,
+            help_most=self.help * STEEPEST,
         )
+
+    @property
+    def top_speed(self) -> float:
+        """Speed at which track and second vehicle brake with all their force, m/s."""
+        return self.speed * (1.0 + self.speed_swing) + self.pace * STEEPEST / self._rise
+
+    @property
+    def _rise(self) -> float:
+        # A light train follows a softer hold; a stiff one would turn its acceleration over at once.
+        return SWINGING_RISE if self.speed_swing and not self.help else RISE
+
+    def at_pace(self, factor: float) -> "Scenario":
+        """The run with all its speeds multiplied by a factor above 0."""
+        return replace(self, speed=factor * self.speed, pace=factor * self.pace)
 
     def sections(self, duration_s: float) -> list[TrackSection]:
         """Surfaces with the times at which they start."""

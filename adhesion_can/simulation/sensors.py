@@ -23,16 +23,21 @@ SLOT_US = 250
 
 AXLES_PER_MESSAGE = 3
 
+NOISE_ROOM = 5.0
+"""Distance from the end of a signal's range that noise does not bridge, in standard deviations."""
+
 
 @dataclass(frozen=True, slots=True)
 class NoiseSettings:
     """Standard deviations of white noise, one draw a frame and signal.
 
+    The defaults are those of the default locomotive, 245 kN an axle.
+
     Attributes:
         wheel_speed: Standard deviation of a wheel speed, rad/s.
         vehicle_speed: Standard deviation of the vehicle speed, m/s.
         effort: Standard deviation of an axle's effort, N; 1 % of the axle load.
-        load: Standard deviation of an axle's load, N.
+        load: Standard deviation of an axle's load, N; 0.2 % of the axle load.
 
     """
 

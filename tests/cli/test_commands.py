@@ -270,9 +270,15 @@ def test_identify_says_what_low_slip_cannot_tell(tmp_path, capsys):
     rows = "\n".join(f"{i / 100},{s},{m}" for i, (s, m) in enumerate(zip(slip, mu, strict=True)))
     path.write_text(f"time_s,slip,adhesion\n{rows}\n")
     assert main(["identify", str(path)]) == 0
-    assert "have no identifiable peak" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "the peak is not in the data: 97 % of the slips stay below 0.00" in said
+    assert "where the adhesion is 0.13 and still rises" in said
+    assert said.count("not in data") == 2
+    assert "± ?" not in said
+    assert "form holds" not in said
     assert main(["identify", str(path), "--json", "-"]) == 0
     result = json.loads(capsys.readouterr().out)
+    assert result["segments"][0]["missing"].startswith("the peak is not in the data")
     assert result["identifiable"] == {"mu_max": False, "lambda_m": False}
     assert result["lambda_m"]["std"] is None
 

@@ -69,6 +69,30 @@ def test_text_stays_text():
     assert file.getvalue() == "listening on vcan0\n"
 
 
+def test_times_in_text_begin_at_0_and_their_date_is_said_once():
+    narrator, file, _ = told("text")
+    for seconds, status in enumerate((Status.INIT, Status.LOW_EXCITATION, Status.TRACKING)):
+        outputs = Outputs(status, doubt=Doubt.TIME if seconds == 2 else Doubt.NONE)
+        narrator.print_setpoint(1_795_720_780_880_000 + seconds * 1_000_000, outputs)
+    first, *others = file.getvalue().splitlines()
+    assert first == "times in s since 2026-11-26 19:19:40 UTC"
+    assert [line.split()[0] for line in others] == ["0.00", "1.00", "2.00", "2.00"]
+
+
+def test_stamps_that_are_no_dates_stay_as_they_are():
+    narrator, file, _ = told("text")
+    narrator.print_setpoint(2_500_000, Outputs(Status.INIT))
+    assert file.getvalue().startswith("2.50 INIT")
+
+
+def test_json_keeps_the_stamps_of_the_bus():
+    narrator, file, _ = told()
+    narrator.print_setpoint(1_795_720_780_880_000, Outputs(Status.INIT))
+    (line,) = lines(file)
+    assert line["bus_time_s"] == 1795720780.88
+    assert line["message"].startswith("1795720780.88 INIT")
+
+
 def test_a_flood_is_cut_and_what_was_left_out_is_counted():
     narrator, file, clock = told()
     for _ in range(1000):

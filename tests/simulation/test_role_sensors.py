@@ -113,8 +113,8 @@ def test_setpoints_are_read_in_the_byte_order_and_with_the_id_of_the_database(tm
 
 def test_what_cannot_be_written_is_refused(tmp_path):
     text = (DATA / "tram.dbc").read_text()
-    (tmp_path / "narrow.dbc").write_text(text.replace("[0|320]", "[0|20]"))
-    with pytest.raises(InputError, match=r"vehicle_speed: GW_Odometrie.v_Fzg would be .*range"):
+    (tmp_path / "narrow.dbc").write_text(text.replace("[0|320]", "[0|5]"))
+    with pytest.raises(InputError, match=r"vehicle_speed: v_Fzg has no room .*0 to 5"):
         simulate("dry", 1.0, configuration=tram(tmp_path, dbc=tmp_path / "narrow.dbc"))
     (tmp_path / "silent.dbc").write_text(
         text.replace('"GenMsgCycleTime" BO_ 832 10', '"GenMsgCycleTime" BO_ 832 0')

@@ -1,0 +1,71 @@
+"""Why samples do not show the peak of their curve, in words."""
+
+from math import isfinite
+
+import numpy as np
+
+from adhesion_can.estimation.identifiability import IdentifiabilitySettings
+from adhesion_can.physics.burckhardt import adhesion
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.samples import Samples
+
+LEAST_EFFORT = 0.02
+"""Adhesion at the largest slips below which the vehicle coasts."""
+FAR, HALF = 0.7, 0.4
+"""Slips, as shares of the largest ones, whose adhesions are compared."""
+CERTAIN = 3.0
+"""Difference of their means in its standard errors from which the adhesion rises."""
+
+
+def describe_missing_peak(
+    estimate: Estimate, samples: Samples, settings: IdentifiabilitySettings
+) -> str:
+    """Clause on what of the peak the samples do not show, and why; '' where they show it.
+
+    Args:
+        estimate: Estimate from these samples.
+        samples: Usable samples, at least one.
+        settings: Limits by which the peak was judged.
+
+    """
+    known = estimate.identifiable
+    if known.both:
+        return ""
+    what = "the peak is"
+    if known.mu_max or known.lambda_m:
+        what = "lambda_m is" if known.mu_max else "mu_max is"
+    return f"{what} not in the data: {_reason(estimate, samples, settings)}"
+
+
+def _reason(estimate: Estimate, samples: Samples, settings: IdentifiabilitySettings) -> str:
+    if len(samples) < settings.samples:
+        return f"{len(samples)} samples, fewer than {settings.samples}"
+    share = f"{100 * (1 - settings.reach):.3g} %"
+    reached = float(np.quantile(np.abs(samples.slip), 1.0 - settings.reach))
+    used = float(adhesion(np.array(reached), *estimate.theta))
+    if used < LEAST_EFFORT:
+        return (
+            f"{share} of the slips stay below {reached:.4f}, and the adhesion below "
+            f"{LEAST_EFFORT:g}: the vehicle coasts"
+        )
+    below = f"{share} of the slips stay below {reached:.4f}"
+    slip, slip_std = estimate.lambda_m, estimate.lambda_m_std
+    if reached >= settings.mu_max_reach * slip:
+        if isfinite(slip_std) and reached < slip + 3 * slip_std:
+            return f"{below}, not far enough beyond the largest adhesion; drive to larger slips"
+    elif _rises(samples, reached):
+        return f"{below}, where the adhesion is {used:.2f} and still rises; drive to larger slips"
+    return (
+        f"the slips reach {reached:.4f}, but a noise of {estimate.noise_std:.2g} in the adhesion "
+        "leaves open where it is largest; record more samples on both sides of the peak"
+    )
+
+
+def _rises(samples: Samples, reached: float) -> bool:
+    """Whether the adhesion at the largest slips is certainly above that at half of them."""
+    slip, mu = np.abs(samples.slip), samples.adhesion * np.sign(samples.slip)
+    far, half = mu[slip > FAR * reached], mu[(slip > HALF * reached) & (slip <= FAR * reached)]
+    if min(len(far), len(half)) < 2:
+        return True
+    error = float(np.hypot(far.std() / len(far) ** 0.5, half.std() / len(half) ** 0.5))
+    return float(far.mean() - half.mean()) > CERTAIN * error

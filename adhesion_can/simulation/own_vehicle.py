@@ -1,0 +1,186 @@
+"""A run for a vehicle of any size: noise, efforts and speeds that it and its signals have.
+
+The scenarios are laid out for the default locomotive. Another vehicle runs them with
+
+- noise of effort and load in proportion to its static loads;
+- efforts in proportion to its loads and gains in proportion to the inertia of its wheelsets, within
+  `[limits]` and the range of its effort signals;
+- a second vehicle where the track alone cannot keep its speed;
+- speeds within `[limits]` and the range of its speed signals.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from statistics import fmean
+from typing import NamedTuple
+
+from adhesion_can.bus.roles import BoundMessage, BoundSignal
+from adhesion_can.errors import InputError
+from adhesion_can.physics.driving_plan import PlanLimits
+from adhesion_can.physics.readings import Role
+from adhesion_can.physics.vehicle import GRAVITY, Locomotive
+from adhesion_can.simulation.drive import DriveSettings
+from adhesion_can.simulation.scenarios import Scenario
+from adhesion_can.simulation.sensors import NOISE_ROOM, NoiseSettings
+
+HELD_SHARE = 0.1
+"""Share of the train's weight on driven wheels up to which the track alone keeps the speed: its
+steepest gradient, 0.035, balances an adhesion of 0.35 there."""
+OVERSHOOT = 0.1
+"""Room for the wheel speeds above that of the largest slip, as a share."""
+SLOWEST_RUN = 2.0
+"""Smallest mean speed of a run, m/s: samples need 1 m/s."""
+_DEFAULT = Locomotive()
+
+
+class Range(NamedTuple):
+    """Range of a quantity, SI; infinite where a float has no limit.
+
+    Attributes:
+        low: Lowest value.
+        high: Highest value.
+        signal: Signal that sets the limits.
+
+    """
+
+    low: float
+    high: float
+    signal: BoundSignal
+
+
+def signal_range(signal: BoundSignal) -> Range:
+    """Range of the values that a signal can carry, in the role's SI unit."""
+    one, other = (end * signal.scale - signal.offset for end in signal.plan.sendable)
+    return Range(min(one, other), max(one, other), signal)
+
+
+def noise_of(vehicle: Locomotive) -> NoiseSettings:
+    """Noise of the sensors of a vehicle; effort and load in proportion to its static loads."""
+    size, usual = vehicle.relative_load, NoiseSettings()
+    return replace(usual, effort=usual.effort * size, load=usual.load * size)
+
+
+def drive_of(
+    vehicle: Locomotive, limits: PlanLimits, messages: Sequence[BoundMessage]
+) -> tuple[DriveSettings, tuple[str, ...]]:
+    """Gains and largest efforts of a vehicle's drive; a sentence where a signal limits them.
+
+    Args:
+        vehicle: Configured vehicle.
+        limits: Limits of the drive.
+        messages: Input messages, whose effort signals limit the efforts, too.
+
+    Raises:
+        InputError: The range of an effort signal has no room for traction.
+
+    """
+    usual, noise = DriveSettings(), noise_of(vehicle)
+    inertia = _rim_mass(vehicle) / _rim_mass(_DEFAULT)
+    largest = min(usual.effort_max * vehicle.relative_load, limits.effort_max)
+    traction = braking = largest
+    notes: tuple[str, ...] = ()
+    for found in _ranges(messages, Role.TRACTIVE_EFFORT):
+        if (room := found.high - NOISE_ROOM * noise.effort) < traction:
+            traction, notes = room, (_describe_limit(found, room, vehicle),)
+        braking = min(braking, max(-found.low - NOISE_ROOM * noise.effort, 0.0))
+        if not traction > 0:
+            raise _no_room(found.signal, "traction")
+    settings = replace(
+        usual,
+        gain=usual.gain * inertia,
+        integral_gain=usual.integral_gain * inertia,
+        effort_max=traction,
+        braking_max=braking,
+    )
+    return settings, notes
+
+
+def scenario_of(
+    scenario: Scenario,
+    vehicle: Locomotive,
+    limits: PlanLimits,
+    messages: Sequence[BoundMessage],
+    slip_high: float,
+) -> tuple[Scenario, tuple[str, ...]]:
+    """A scenario at speeds that a vehicle and its signals have, and sentences on what is changed.
+
+    Args:
+        scenario: Scenario as it is for the default locomotive.
+        vehicle: Configured vehicle.
+        limits: Limits of the drive.
+        messages: Input messages with the ranges of their signals.
+        slip_high: Largest slip ratio of the drive.
+
+    Raises:
+        InputError: The range of a speed signal has no room for a run.
+
+    """
+    notes = []
+    share = sum(vehicle.axle_load) / (GRAVITY * vehicle.train_mass)
+    if scenario.gradient is None and share > HELD_SHARE:
+        scenario = replace(scenario, help=share / HELD_SHARE - 1.0)
+        notes.append(
+            f"{100 * share:.0f} % of the train's weight is on driven axles: a second vehicle "
+            "brakes and pushes it, which keeps its speed; for a heavier train write train_mass_kg"
+        )
+    fastest, reason = limits.speed_max, "speed_max in [limits]"
+    for found in _speed_ranges(vehicle, messages, slip_high):
+        if found.high < fastest:
+            signal = found.signal
+            fastest, reason = found.high, f"the range of {signal.name} ({_ends(signal)})"
+            if fastest / scenario.top_speed * scenario.speed < SLOWEST_RUN:
+                raise _no_room(signal, f"a mean speed of {3.6 * SLOWEST_RUN:g} km/h")
+    pace = fastest / scenario.top_speed
+    if pace >= 1.0:
+        return scenario, tuple(notes)
+    notes.append(
+        f"speeds are {pace:.2f} times those of '{scenario.name}': up to {3.6 * fastest:.0f} km/h, "
+        f"by {reason}"
+    )
+    return scenario.at_pace(pace), tuple(notes)
+
+
+def _rim_mass(vehicle: Locomotive) -> float:
+    """Inertia of a wheelset as a mass at its rim, kg."""
+    return vehicle.wheelset_inertia / fmean(vehicle.wheel_radius) ** 2
+
+
+def _ranges(messages: Sequence[BoundMessage], role: Role) -> Iterator[Range]:
+    for message in messages:
+        for signal in message.signals:
+            if signal.role is role:
+                yield signal_range(signal)
+
+
+def _speed_ranges(
+    vehicle: Locomotive, messages: Sequence[BoundMessage], slip_high: float
+) -> Iterator[Range]:
+    """Range of the vehicle speed that each speed signal has room for."""
+    noise = NoiseSettings()
+    for found in _ranges(messages, Role.VEHICLE_SPEED):
+        yield found._replace(high=found.high - NOISE_ROOM * noise.vehicle_speed)
+    for found in _ranges(messages, Role.WHEEL_SPEED):
+        radius, most = vehicle.wheel_radius[found.signal.axle - 1], (1.0 + slip_high)
+        yield found._replace(high=found.high * radius / (most * (1.0 + OVERSHOOT)))
+
+
+def _describe_limit(found: Range, effort: float, vehicle: Locomotive) -> str:
+    signal = found.signal
+    share = effort / fmean(vehicle.axle_load)
+    return (
+        f"efforts are up to {effort / 1e3:.3g} kN, by the range of {signal.name} "
+        f"({_ends(signal)}): an adhesion of {share:.2f}; a rail with a higher peak does not show it"
+    )
+
+
+def _ends(signal: BoundSignal) -> str:
+    low, high = signal.plan.sendable
+    return f"{low:g} to {high:g} in the database"
+
+
+def _no_room(signal: BoundSignal, what: str) -> InputError:
+    return InputError(
+        f"roles.{signal.name}",
+        f"{signal.plan.name} has no room for {what}: its range is {_ends(signal)}",
+        "correct the range, the unit of the role or its sign",
+    )
