@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adhesion_can.cli.bars import bar
 from adhesion_can.cli.common import (
@@ -17,6 +17,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.fleet_next import next_commands
 from adhesion_can.cli.fleet_summary import Summary, describe
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
     from adhesion_can.fleet.plan import Plan
     from adhesion_can.fleet.units import Unit
     from adhesion_can.fleet.work import Task
+
+NEXT = 3
+"""Commands to run next that the terminal shows; page and JSON have all of them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -202,7 +206,7 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
     config = next(iter(plan.configurations.values()))
     origin = provenance(config)
     del origin["inputs"]  # the table `units` has them, with their hashes
-    named, written = _diagnose(options, origin)
+    diagnosed = _diagnose(options, origin, plan.units)
     took_s = monotonic() - summary.began_s
     failed = sorted(summary.failed)
     document = {
@@ -218,22 +222,43 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
         "vehicles": dict(sorted(summary.vehicles.items())),
         "recorded_s": summary.recorded_s,
         "seconds": took_s,
+        "next": diagnosed.commands,
         **origin,
     }
     write_json(options.json, document)
     if talk(options):
-        for line in [*describe(options, summary, failed, took_s), *named]:
+        for line in [*describe(options, summary, failed, took_s), *diagnosed.verdict]:
             console().print(line, markup=False)
         console().print(
             f"written: {options.out} (docs/fleet.md: tables and first queries)",
             markup=False,
         )
-        for line in written:
+        for line in diagnosed.written:
             console().print(line, markup=False)
+        for command in diagnosed.commands[:NEXT]:
+            # A command on one line can be copied, however narrow the terminal.
+            console().print(f"Next, {command}", markup=False, soft_wrap=True)
 
 
-def _diagnose(options: argparse.Namespace, origin: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Diagnosis of the whole fleet, its files and its page: sentences, and what was written."""
+class _Diagnosed(NamedTuple):
+    """Diagnosis of the whole fleet, as the command reports it.
+
+    Attributes:
+        verdict: Sentences.
+        written: Line for each file.
+        commands: Commands to run next.
+
+    """
+
+    verdict: list[str]
+    written: list[str]
+    commands: list[str]
+
+
+def _diagnose(
+    options: argparse.Namespace, origin: dict[str, Any], units: "Sequence[Unit]"
+) -> _Diagnosed:
+    """Diagnose the whole fleet, and write its files and its page."""
     from adhesion_can.fleet.dataset import DataSet  # noqa: PLC0415  needs the extra
     from adhesion_can.fleet.results import (  # noqa: PLC0415  needs the extra
         PAGE,
@@ -244,12 +269,13 @@ def _diagnose(options: argparse.Namespace, origin: dict[str, Any]) -> tuple[list
 
     data = DataSet(options.out)
     overview = diagnose_data_set(data)
-    files = write_results(data, overview, origin)
+    commands = next_commands(overview.diagnosis, units, options)
+    files = write_results(data, overview, {"next": commands, **origin})
     lines = [f"written: {file}" for file in files]
-    made = fleet_page(overview, page_provenance(origin, options))
+    made = fleet_page(overview, page_provenance(origin, options), commands)
     missing = missing_report(Path(PAGE))
     if missing:
         lines.append(missing)
     else:
         lines.append(f"written: {write_beside(data, PAGE, render(made).encode())}")
-    return list(made.verdict), lines
+    return _Diagnosed(list(made.verdict), lines, commands)
