@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,7 +18,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
-from adhesion_can.cli.fleet_next import next_commands
+from adhesion_can.cli.fleet_next import NextCommand, next_commands
 from adhesion_can.cli.fleet_summary import Summary, describe
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
@@ -35,9 +36,6 @@ if TYPE_CHECKING:
     from adhesion_can.fleet.plan import Plan
     from adhesion_can.fleet.units import Unit
     from adhesion_can.fleet.work import Task
-
-NEXT = 3
-"""Commands to run next that the terminal shows; page and JSON have all of them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -222,7 +220,7 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
         "vehicles": dict(sorted(summary.vehicles.items())),
         "recorded_s": summary.recorded_s,
         "seconds": took_s,
-        "next": diagnosed.commands,
+        **_next_entries(diagnosed.commands),
         **origin,
     }
     write_json(options.json, document)
@@ -235,9 +233,17 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
         )
         for line in diagnosed.written:
             console().print(line, markup=False)
-        for command in diagnosed.commands[:NEXT]:
+        for command in diagnosed.commands[:1]:
             # A command on one line can be copied, however narrow the terminal.
-            console().print(f"Next, {command}", markup=False, soft_wrap=True)
+            console().print(command.line, markup=False, soft_wrap=True)
+
+
+def _next_entries(commands: Sequence[NextCommand]) -> dict[str, Any]:
+    """Commands to run next as JSON has them: the first as a line, and all."""
+    return {
+        "next": commands[0].line if commands else None,
+        "next_commands": [{"vehicle": one.who, "command": one.command} for one in commands],
+    }
 
 
 class _Diagnosed(NamedTuple):
@@ -252,7 +258,7 @@ class _Diagnosed(NamedTuple):
 
     verdict: list[str]
     written: list[str]
-    commands: list[str]
+    commands: list[NextCommand]
 
 
 def _diagnose(
@@ -270,9 +276,11 @@ def _diagnose(
     data = DataSet(options.out)
     overview = diagnose_data_set(data)
     commands = next_commands(overview.diagnosis, units, options)
-    files = write_results(data, overview, {"next": commands, **origin})
+    files = write_results(data, overview, {**_next_entries(commands), **origin})
     lines = [f"written: {file}" for file in files]
-    made = fleet_page(overview, page_provenance(origin, options), commands)
+    entries = [one.entry for one in commands]
+    made = fleet_page(overview, page_provenance(origin, options), entries)
+    made = replace(made, next_step=commands[0].line if commands else "")
     missing = missing_report(Path(PAGE))
     if missing:
         lines.append(missing)

@@ -5,8 +5,12 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+from adhesion_can.cli.common import own_command
+from adhesion_can.reporting.next_steps.next_step import NextStep
 
 # These need the extra, which only the command itself does, and not its help.
 if TYPE_CHECKING:
@@ -18,6 +22,29 @@ MOST_COMMANDS, MOST_RECORDINGS = 10, 3
 """Largest number of commands, and of recordings of one."""
 SHARED = "fleet"
 """Name of the page of the effects that vehicles share."""
+
+
+class NextCommand(NamedTuple):
+    """Command to run next.
+
+    Attributes:
+        who: Vehicle that it is for; `SHARED` for several.
+        command: Command, after what must be fetched for it.
+
+    """
+
+    who: str
+    command: str
+
+    @property
+    def entry(self) -> str:
+        """The command after its vehicle, as a list has it."""
+        return f"{self.who}: {self.command}"
+
+    @property
+    def line(self) -> str:
+        """The line with which the fleet's report ends."""
+        return NextStep("", self.command).line
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +65,8 @@ class _Work:
 
 def next_commands(
     found: "FleetDiagnosis", units: "Sequence[Unit]", options: argparse.Namespace
-) -> list[str]:
-    """Commands to run next, each after the vehicle that it is for; none where nothing is named.
+) -> list[NextCommand]:
+    """Commands to run next, the worst vehicle first; none if nothing is named.
 
     Args:
         found: Result of the fleet-level diagnosis.
@@ -49,12 +76,7 @@ def next_commands(
     """
     by_path = {unit.path: unit for unit in units}
     work = (one for one in _work(found) if any(path in by_path for path in one.recordings))
-    return [
-        command
-        for _, command in zip(
-            range(MOST_COMMANDS), (_command(one, by_path, options) for one in work), strict=False
-        )
-    ]
+    return [_command(one, by_path, options) for one in islice(work, MOST_COMMANDS)]
 
 
 def _work(found: "FleetDiagnosis") -> Iterable[_Work]:
@@ -81,17 +103,17 @@ def _telling(sizes: "Iterable[PooledSize]") -> tuple[str, ...]:
     return tuple(sorted(clear, key=lambda path: (-clear[path], path)))
 
 
-def _command(one: _Work, by_path: "Mapping[str, Unit]", options: argparse.Namespace) -> str:
+def _command(one: _Work, by_path: "Mapping[str, Unit]", options: argparse.Namespace) -> NextCommand:
     known = [path for path in one.recordings if path in by_path]
     config = by_path[known[0]].config
     chosen = sorted([path for path in known if by_path[path].config == config][:MOST_RECORDINGS])
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", one.who)
-    words = ["adhesion-can", "calibrate" if one.coasting else "diagnose", *map(_local, chosen)]
+    words = [own_command(), "calibrate" if one.coasting else "diagnose", *map(_local, chosen)]
     words += ["--out", f"{name}.toml"] if one.coasting else ["--html", f"{name}.html"]
     words += _repeated(config, options, table=not one.coasting)
     remote = [path for path in chosen if "://" in path]
     fetch = f"fetch {', '.join(remote)}, then " if remote else ""
-    return f"{one.who}: {fetch}{shlex.join(words)}"
+    return NextCommand(one.who, f"{fetch}{shlex.join(words)}")
 
 
 def _local(path: str) -> str:

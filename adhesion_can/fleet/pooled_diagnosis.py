@@ -28,7 +28,7 @@ from adhesion_can.fleet.findings import (
 from adhesion_can.fleet.kinds import Kind, find_kinds
 from adhesion_can.fleet.settings import FleetSettings
 from adhesion_can.fleet.shared_findings import Known, find_fleet_effects, find_place_effects
-from adhesion_can.fleet.size_findings import FindingSizes, spreads_of
+from adhesion_can.fleet.size_findings import FindingSizes, size_findings_of
 from adhesion_can.fleet.vehicle_findings import COASTING, compare_units, find_vehicle_effects
 from adhesion_can.plurals import counted
 
@@ -116,7 +116,7 @@ def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
         vehicles = find_vehicle_effects(statistics, settings)
     named = [f"{key.name} of {name}" if name else key.name for key in sizes.keys]
     by_unit = {one.unit: own for one, own in zip(diagnosed, known, strict=True)}
-    found = FindingSizes(units, by_unit, spreads_of(statistics))
+    found = size_findings_of(units, by_unit, statistics)
     sized = [found.with_size(one) for one in shared]
     return _OfKind(
         {

@@ -28,12 +28,15 @@ class FindingSizes:
         units: Evidence of the units of the kind.
         known: Sizes of the effects that the fleet, a line or a day has, by unit id.
         spreads: Standard deviation of each effect between the units of the kind.
+        wheel_spreads: Standard deviation of the radius of each axle between these units, relative
+            to the configured one, by axle.
 
     """
 
     units: Sequence[UnitEvidence]
     known: Mapping[str, Sizes]
     spreads: Mapping[EffectKey, float]
+    wheel_spreads: Mapping[int, float]
 
     @cached_property
     def _by_vehicle(self) -> dict[str, list[UnitEvidence]]:
@@ -55,7 +58,12 @@ class FindingSizes:
         sizes: list[UnitSize | None]
         if finding.source == COASTING:
             sizes = [*sizes_by_coasting(own, finding.axle)]
+            # Axle 0 is the speed, whose error all radii show.
+            spread = self.wheel_spreads.get(finding.axle) or max(
+                self.wheel_spreads.values(), default=0.0
+            )
         else:
+            spread = self.spreads.get(key, 0.0)
             others = {
                 _key(one): one.value for one in beside if one.source != COASTING and one != finding
             }
@@ -64,7 +72,7 @@ class FindingSizes:
                 for unit in own
             ]
         known = [one for one in sizes if one is not None]
-        return replace(finding, pooled=pool_sizes(key, known, self.spreads.get(key, 0.0)))
+        return replace(finding, pooled=pool_sizes(key, known, spread))
 
     def _units_of(self, finding: Finding) -> Sequence[UnitEvidence]:
         """Units that a finding is about."""
@@ -90,10 +98,25 @@ class FindingSizes:
         return tuple(sorted(pooled, key=lambda one: (-len(one.sizes), one.name)))
 
 
-def spreads_of(statistics: VehicleStatistics) -> dict[EffectKey, float]:
-    """Standard deviation of each effect between units, in the middle of the fleet."""
+def size_findings_of(
+    units: Sequence[UnitEvidence], known: Mapping[str, Sizes], statistics: VehicleStatistics
+) -> FindingSizes:
+    """Sizes of the findings of a kind, with the spreads in the middle of the fleet.
+
+    Args:
+        units: Evidence of the units of the kind.
+        known: Sizes of the effects that the fleet, a line or a day has, by unit id.
+        statistics: Comparison of the vehicles.
+
+    """
     compared = zip(statistics.sizes.keys, statistics.effects.spreads, strict=True)
-    return {key: spread.variance**0.5 for key, spread in compared}
+    wheels = zip(statistics.axles, statistics.wheels.spreads, strict=True)
+    return FindingSizes(
+        units,
+        known,
+        {key: spread.variance**0.5 for key, spread in compared},
+        {axle: spread.variance**0.5 for axle, spread in wheels},
+    )
 
 
 def _without(key: EffectKey, sizes: Sizes) -> Sizes:
