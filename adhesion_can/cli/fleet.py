@@ -2,9 +2,10 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adhesion_can.cli.bars import bar
 from adhesion_can.cli.common import (
@@ -17,6 +18,7 @@ from adhesion_can.cli.common import (
     talk,
     write_json,
 )
+from adhesion_can.cli.fleet_next import NextCommand, next_commands
 from adhesion_can.cli.fleet_summary import Summary, describe
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
@@ -202,7 +204,7 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
     config = next(iter(plan.configurations.values()))
     origin = provenance(config)
     del origin["inputs"]  # the table `units` has them, with their hashes
-    named, written = _diagnose(options, origin)
+    diagnosed = _diagnose(options, origin, plan.units)
     took_s = monotonic() - summary.began_s
     failed = sorted(summary.failed)
     document = {
@@ -218,22 +220,51 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
         "vehicles": dict(sorted(summary.vehicles.items())),
         "recorded_s": summary.recorded_s,
         "seconds": took_s,
+        **_next_entries(diagnosed.commands),
         **origin,
     }
     write_json(options.json, document)
     if talk(options):
-        for line in [*describe(options, summary, failed, took_s), *named]:
+        for line in [*describe(options, summary, failed, took_s), *diagnosed.verdict]:
             console().print(line, markup=False)
         console().print(
             f"written: {options.out} (docs/fleet.md: tables and first queries)",
             markup=False,
         )
-        for line in written:
+        for line in diagnosed.written:
             console().print(line, markup=False)
+        for command in diagnosed.commands[:1]:
+            # A command on one line can be copied, however narrow the terminal.
+            console().print(command.line, markup=False, soft_wrap=True)
 
 
-def _diagnose(options: argparse.Namespace, origin: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """Diagnosis of the whole fleet, its files and its page: sentences, and what was written."""
+def _next_entries(commands: Sequence[NextCommand]) -> dict[str, Any]:
+    """Commands to run next as JSON has them: the first as a line, and all."""
+    return {
+        "next": commands[0].line if commands else None,
+        "next_commands": [{"vehicle": one.who, "command": one.command} for one in commands],
+    }
+
+
+class _Diagnosed(NamedTuple):
+    """Diagnosis of the whole fleet, as the command reports it.
+
+    Attributes:
+        verdict: Sentences.
+        written: Line for each file.
+        commands: Commands to run next.
+
+    """
+
+    verdict: list[str]
+    written: list[str]
+    commands: list[NextCommand]
+
+
+def _diagnose(
+    options: argparse.Namespace, origin: dict[str, Any], units: "Sequence[Unit]"
+) -> _Diagnosed:
+    """Diagnose the whole fleet, and write its files and its page."""
     from adhesion_can.fleet.dataset import DataSet  # noqa: PLC0415  needs the extra
     from adhesion_can.fleet.results import (  # noqa: PLC0415  needs the extra
         PAGE,
@@ -244,12 +275,15 @@ def _diagnose(options: argparse.Namespace, origin: dict[str, Any]) -> tuple[list
 
     data = DataSet(options.out)
     overview = diagnose_data_set(data)
-    files = write_results(data, overview, origin)
+    commands = next_commands(overview.diagnosis, units, options)
+    files = write_results(data, overview, {**_next_entries(commands), **origin})
     lines = [f"written: {file}" for file in files]
-    made = fleet_page(overview, page_provenance(origin, options))
+    entries = [one.entry for one in commands]
+    made = fleet_page(overview, page_provenance(origin, options), entries)
+    made = replace(made, next_step=commands[0].line if commands else "")
     missing = missing_report(Path(PAGE))
     if missing:
         lines.append(missing)
     else:
         lines.append(f"written: {write_beside(data, PAGE, render(made).encode())}")
-    return list(made.verdict), lines
+    return _Diagnosed(list(made.verdict), lines, commands)

@@ -3,11 +3,13 @@
 They are what a later regression over many drives needs: with the curve's columns projected out of
 the signatures and of the residual (Frisch and Waugh 1933; Lovell 1963), sums over drives are the
 normal equations of a regression in which every drive has a curve of its own. All effects are
-linearised at size 0, on a chord of the same length in each drive, so sizes are comparable.
+linearised at size 0, on a chord of the same length in each drive, so sizes are comparable. A large
+effect has another size than that line gives: `fits` has the sizes of a fit that is not linearised.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +48,13 @@ class EffectKey:
         return " ".join(word for word in words if word)
 
 
+class SizeEstimate(NamedTuple):
+    """Size of an effect with its standard error, both in the effect's unit."""
+
+    value: float
+    std: float
+
+
 @dataclass(frozen=True, eq=False)
 class EffectGrams:
     """Gram matrices of the k candidate effects of a drive, in whitened rows.
@@ -63,6 +72,8 @@ class EffectGrams:
         rows: Number of rows.
         blocks: Number of blocks of time.
         rmse: RMSE of the adhesion with the plain curves.
+        fits: Size of an effect by the nonlinear fit of it alone beside the curves, by its place in
+            `keys`; effects without a clear size, or at the end of their range, have none.
 
     """
 
@@ -75,6 +86,7 @@ class EffectGrams:
     rows: float
     blocks: int
     rmse: float
+    fits: Mapping[int, SizeEstimate] = field(default_factory=dict)
 
     @property
     def noise_variance(self) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey
+from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey, SizeEstimate
 
 Row = Mapping[str, Any]
 _KEY = ("effect", "form", "axle", "parameter", "unit", "typical")
@@ -27,6 +27,7 @@ def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
             "typical": key.typical,
             "value": _finite(size[place]),
             "std": _finite(std[place]),
+            **_fit(grams.fits.get(place)),
             "absorbed": float(grams.absorbed[place]),
             "gram": grams.gram[place].tolist(),
             "score": float(grams.score[place]),
@@ -38,6 +39,13 @@ def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
         }
         for place, key in enumerate(grams.keys)
     ]
+
+
+def _fit(found: SizeEstimate | None) -> dict[str, float | None]:
+    return {
+        "fitted_value": None if found is None else found.value,
+        "fitted_std": None if found is None else found.std,
+    }
 
 
 def _finite(value: float) -> float | None:
@@ -70,6 +78,12 @@ def grams_from_rows(rows: Iterable[Row]) -> EffectGrams | None:
         rows=float(first["rows"]),
         blocks=int(first["blocks"]),
         rmse=float(first["rmse"]),
+        fits={
+            place: SizeEstimate(row["fitted_value"], row["fitted_std"])
+            for place, row in enumerate(found)
+            # Units of an earlier version of the package have no such columns.
+            if row.get("fitted_value") is not None
+        },
     )
 
 

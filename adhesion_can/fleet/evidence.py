@@ -22,6 +22,29 @@ class AxleDeviation:
     std: float
 
 
+class CauseSize(NamedTuple):
+    """Size of a cause that the diagnosis of one unit names.
+
+    Attributes:
+        effect: Effect id.
+        form: Form of the effect; '' where there is one alone.
+        axle: Axle number from 1; 0 for an effect of the whole vehicle.
+        parameter: Name of the size.
+        unit: Unit of the size, SI.
+        value: Size.
+        std: Its standard deviation; None at the end of its range.
+
+    """
+
+    effect: str
+    form: str
+    axle: int
+    parameter: str
+    unit: str
+    value: float
+    std: float | None
+
+
 class VehicleForm(NamedTuple):
     """What must be the same of two vehicles before their effects can be compared.
 
@@ -51,6 +74,8 @@ class UnitEvidence:
         radii: Wheel radii from coasting; () without enough of it.
         radii_applied: Whether the effects were looked for with these radii.
         causes: Effect ids that the unit's own diagnosis names.
+        cause_sizes: Sizes of these; a wheel radius that was applied has none, `radii` has it.
+        path: Path or URL of the recording.
         faults: Sentences of what makes the recording unusable; () for none.
         error: Error for which the unit failed; '' where it was worked through.
 
@@ -65,6 +90,8 @@ class UnitEvidence:
     radii: tuple[AxleDeviation, ...] = ()
     radii_applied: bool = False
     causes: tuple[str, ...] = ()
+    cause_sizes: tuple[CauseSize, ...] = ()
+    path: str = ""
     faults: tuple[str, ...] = ()
     error: str = ""
 

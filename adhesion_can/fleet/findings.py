@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import Any
 
 from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
+from adhesion_can.fleet.pooled_size import PooledSize
 
 
 class Scope(StrEnum):
@@ -30,8 +31,9 @@ class Finding:
         axle: Axle number from 1; 0 for an effect of the whole vehicle.
         parameter: Name of the size.
         unit: Unit of the size, SI.
-        value: Size; of a vehicle or line its difference from the middle of the fleet.
-        std: Standard error of the size.
+        value: Size to first order, by which findings are found; of a vehicle or line its difference
+            from the middle of the fleet.
+        std: Standard error of `value`, without the error of the first order.
         fleet_value: Size in the middle of the fleet.
         p_value: P-value, all effects counted.
         gain_percent: Fall of the RMSE of the adhesion by the effect, %, on units that had no part
@@ -43,6 +45,8 @@ class Finding:
         source: 'regression' or 'coasting'.
         rivals: Effects that these data cannot distinguish from this one, by id.
         named_by: Number of units whose own diagnosis names the effect.
+        pooled: Size by the units' own estimates, none of which is linearised; None where no unit
+            has such an estimate.
 
     """
 
@@ -64,6 +68,7 @@ class Finding:
     source: str = "regression"
     rivals: tuple[str, ...] = ()
     named_by: int = 0
+    pooled: PooledSize | None = None
 
     @property
     def name(self) -> str:
@@ -73,7 +78,11 @@ class Finding:
 
     def to_dict(self) -> dict[str, Any]:
         """The finding as JSON has it."""
-        return asdict(self) | {"scope": str(self.scope), "rivals": list(self.rivals)}
+        return asdict(self) | {
+            "scope": str(self.scope),
+            "rivals": list(self.rivals),
+            "pooled": None if self.pooled is None else self.pooled.to_dict(),
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +100,8 @@ class VehicleSummary:
         causes: Number of units whose own diagnosis names an effect, by its id, the most first.
         causes_alone: Effects of `causes` that no finding of the vehicle, or of its kind, names or
             cannot distinguish from what it names.
+        cause_sizes: Sizes of the effects of `causes`, that of the most units first; a wheel radius
+            that was applied is not one of them.
 
     """
 
@@ -102,6 +113,7 @@ class VehicleSummary:
     reasons: tuple[str, ...] = ()
     causes: Mapping[str, int] = field(default_factory=dict)
     causes_alone: tuple[str, ...] = ()
+    cause_sizes: tuple[PooledSize, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The vehicle as JSON has it."""
@@ -113,6 +125,7 @@ class VehicleSummary:
             "failed": self.failed,
             "reasons": list(self.reasons),
             "causes": dict(self.causes),
+            "cause_sizes": [one.to_dict() for one in self.cause_sizes],
         }
 
 

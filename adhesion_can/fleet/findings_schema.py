@@ -15,8 +15,13 @@ FINDINGS = TableSchema(
             "name of the vehicle, line or day; for the fleet, the kind of vehicles, or empty if "
             "there is only one kind", required=True),
         *SIZED_EFFECT,
-        Column("value", "double", "size, in `unit`", required=True),
-        Column("std", "double", "its standard error, in `unit`", required=True),
+        Column("value", "double", "size to first order, in `unit`", required=True),
+        Column("std", "double", "standard error of `value`, without the error of the first order, "
+               "in `unit`", required=True),
+        Column("pooled_value", "double", "mean of the units' nonlinear sizes, in `unit`; none if "
+               "no unit has one"),
+        Column("pooled_std", "double", "standard error of `pooled_value`, the spread between units "
+               "included, in `unit`"),
         Column("fleet_value", "double", "centre of the sizes in the fleet, in `unit`",
                required=True),
         Column("p_value", "double", "p-value, corrected for all effects", "1", required=True),

@@ -28,7 +28,8 @@ from adhesion_can.fleet.findings import (
 from adhesion_can.fleet.kinds import Kind, find_kinds
 from adhesion_can.fleet.settings import FleetSettings
 from adhesion_can.fleet.shared_findings import Known, find_fleet_effects, find_place_effects
-from adhesion_can.fleet.vehicle_findings import compare_units, find_vehicle_effects
+from adhesion_can.fleet.size_findings import FindingSizes, size_findings_of
+from adhesion_can.fleet.vehicle_findings import COASTING, compare_units, find_vehicle_effects
 from adhesion_can.plurals import counted
 
 FAILED_COST = 10.0
@@ -80,6 +81,7 @@ class _OfKind:
         shared: Findings of the kind, of lines and of days.
         notes: What the data do not allow to show, a sentence each.
         spreads: Spread between units of each effect, by its name.
+        sizes: Sizes in the units of the kind.
 
     """
 
@@ -87,6 +89,7 @@ class _OfKind:
     shared: tuple[Finding, ...]
     notes: tuple[str, ...]
     spreads: Mapping[str, float]
+    sizes: FindingSizes
 
 
 def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
@@ -112,14 +115,21 @@ def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
     if kind.compared:
         vehicles = find_vehicle_effects(statistics, settings)
     named = [f"{key.name} of {name}" if name else key.name for key in sizes.keys]
+    by_unit = {one.unit: own for one, own in zip(diagnosed, known, strict=True)}
+    found = size_findings_of(units, by_unit, statistics)
+    sized = [found.with_size(one) for one in shared]
     return _OfKind(
-        vehicles,
-        tuple(replace(one, where=name) if one.scope is Scope.FLEET else one for one in shared),
+        {
+            vehicle: tuple(found.with_size(one, own) for one in own)
+            for vehicle, own in vehicles.items()
+        },
+        tuple(replace(one, where=name) if one.scope is Scope.FLEET else one for one in sized),
         tuple(f"{name}: {note}" if name else note for note in _notes(kind, diagnosed)),
         {
             effect: spread.variance**0.5
             for effect, spread in zip(named, statistics.effects.spreads, strict=True)
         },
+        found,
     )
 
 
@@ -147,6 +157,7 @@ def _rank(
             VehicleSummary(
                 vehicle, score, findings, len(theirs), len(bad), tuple(reasons), causes,
                 tuple(effect for effect in causes if effect not in known),
+                tuple(size for of_kind in found for size in of_kind.sizes.of_causes(vehicle)),
             )
         )  # fmt: skip
     return tuple(sorted(summaries, key=_place))
@@ -161,7 +172,7 @@ def _place(one: VehicleSummary) -> tuple[bool, float, float, str]:
 def _cost(finding: Finding) -> float:
     """Fall of the RMSE, %; of a wheel at least its error of slip beside a typical peak, %."""
     gain = finding.gain_percent or 0.0
-    if finding.source == "coasting":
+    if finding.source == COASTING:
         return max(gain, 100.0 * abs(finding.value) / TYPICAL_PEAK)
     return gain
 

@@ -7,16 +7,19 @@ from typing import Any
 
 from adhesion_can.fleet.dataset import FAILED, DataSet
 from adhesion_can.fleet.effect_records import Row, grams_from_rows
-from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence, VehicleForm
-from adhesion_can.fleet.schema import EFFECTS, UNITS
+from adhesion_can.fleet.evidence import AxleDeviation, CauseSize, UnitEvidence, VehicleForm
+from adhesion_can.fleet.schema import CAUSES, EFFECTS, UNITS
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
 from adhesion_can.plurals import counted
 
 WHEEL_RADIUS = WheelRadius().id
 """Effect id of a wheel radius that is not the configured one."""
+AXLE = "axle"
+"""Name of the parameter that is the number of an axle."""
 _OF_UNITS = (
     "unit_id",
     "vehicle",
+    "path",
     "day",
     "line",
     "frames",
@@ -31,6 +34,17 @@ _OF_UNITS = (
     "wheel_radii_std_m",
     "wheel_radii_configured_m",
     "wheel_radii_applied",
+)
+_OF_CAUSES = (
+    "unit_id",
+    "effect",
+    "form",
+    "axle",
+    "named",
+    "parameters",
+    "values",
+    "stds",
+    "parameter_units",
 )
 
 
@@ -47,10 +61,15 @@ def read_evidence(data: DataSet) -> list[UnitEvidence]:
         for rows in data.read_rows(UNITS, _OF_UNITS)
         for row in rows
     }
+    for rows in data.read_rows(CAUSES, _OF_CAUSES):
+        sizes = tuple(cause_size(row) for row in rows if row["named"] and row["parameters"])
+        # A unit counts from its row in `units` on: that one is written last.
+        if sizes and rows[0]["unit_id"] in units:
+            name = rows[0]["unit_id"]
+            units[name] = replace(units[name], cause_sizes=sizes)
     effects: dict[str, list[Row]] = defaultdict(list)
     for rows in data.read_rows(EFFECTS):
         for row in rows:
-            # A unit counts from its row in `units` on: that one is written last.
             if row["unit_id"] in units:
                 effects[row["unit_id"]].append(row)
         done = [name for name, own in effects.items() if len(own) == len(own[0]["gram"])]
@@ -77,8 +96,24 @@ def unit_evidence(row: Mapping[str, Any]) -> UnitEvidence:
         radii=tuple(_radii(row)),
         radii_applied=bool(row["wheel_radii_applied"]),
         causes=causes,
+        path=row["path"],
         faults=(row["first_failure"],) if unusable else (),
         error=(row["error"] or "failed") if failed else "",
+    )
+
+
+def cause_size(row: Mapping[str, Any]) -> CauseSize:
+    """Size of a named cause from its row of `causes`: its first parameter that is no axle."""
+    names = row["parameters"]
+    place = next((i for i, name in enumerate(names) if name != AXLE), 0)
+    return CauseSize(
+        row["effect"],
+        row["form"] or "",
+        row["axle"] or 0,
+        names[place],
+        row["parameter_units"][place],
+        row["values"][place],
+        row["stds"][place],
     )
 
 

@@ -50,7 +50,7 @@ def write_results(data: DataSet, overview: FleetOverview, origin: Mapping[str, A
     Args:
         data: Data set.
         overview: Result of `diagnose_data_set`.
-        origin: Version and hashes.
+        origin: Further entries of `fleet.json`: commands to run next, version and hashes.
 
     Returns:
         Paths or URLs of the files.
@@ -77,9 +77,15 @@ def write_results(data: DataSet, overview: FleetOverview, origin: Mapping[str, A
 
 def finding_rows(found: FleetDiagnosis) -> list[dict[str, Any]]:
     """Rows of the table `fleet_findings`."""
-    rows = [finding.to_dict() for finding in found.findings]
-    return [{("place" if name == "where" else name): value for name, value in row.items()}
-            for row in rows]  # fmt: skip
+    rows = []
+    for finding in found.findings:
+        row, pooled = finding.to_dict(), finding.pooled
+        row["place"] = row.pop("where")
+        del row["pooled"]
+        row["pooled_value"] = None if pooled is None else pooled.value
+        row["pooled_std"] = None if pooled is None else pooled.std
+        rows.append(row)
+    return rows
 
 
 def write_beside(data: DataSet, name: str, content: bytes) -> str:

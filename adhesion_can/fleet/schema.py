@@ -10,7 +10,7 @@ from adhesion_can.fleet.table_schema import Column, TableSchema
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.status import Status
 
-RESULT_VERSION = 2
+RESULT_VERSION = 3
 """Version of what is written into them: another one where the same recording gives other rows."""
 STEPS = ("check", "calibrate", "replay", "identify", "diagnose")
 """Steps of the work on a unit, in their order."""
@@ -204,9 +204,13 @@ EFFECTS = TableSchema(
         *SIZED_EFFECT,
         Column("typical", "double", "typical size in `unit`", required=True),
         Column("value", "double",
-            "size if only this effect is added to the curves, in `unit`; none if the curves "
-            "imitate all of it"),
+            "size if only this effect is added to the curves, to first order, in `unit`; none if "
+            "the curves imitate all of it"),
         Column("std", "double", "its standard error from the spread over blocks, in `unit`"),
+        Column("fitted_value", "double",
+            "its size from the nonlinear fit, in `unit`; none if `value` is below two standard "
+            "errors, or if the fit ends at the end of its range"),
+        Column("fitted_std", "double", "standard error of `fitted_value`, in `unit`"),
         Column("absorbed", "double", "share of its signature that the curves can imitate", "1",
                required=True),
         Column("gram", "list<double>", "products of its whitened signature with those of all "

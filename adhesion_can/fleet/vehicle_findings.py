@@ -24,6 +24,8 @@ ALIKE = 0.2
 """Spread of all axles' deviations, relative to their mean, below which the speed is wrong."""
 RADIUS = (WheelRadius().id, "error", "1")
 """Effect id, parameter and unit of a wheel radius that is not the configured one."""
+COASTING = "coasting"
+"""Source of a finding of a wheel radius."""
 SPEED = SpeedScale().id
 """Effect id of a vehicle speed that is off by a share."""
 
@@ -172,12 +174,19 @@ def _own(statistics: VehicleStatistics, vehicle: str) -> list[int]:
 def _effect_findings(
     statistics: VehicleStatistics, vehicle: str, row: int, gains: dict[int, tuple[float, bool]]
 ) -> list[Finding]:
-    """The effect with the largest gain, and a second one beside it where it brings much."""
-    best = max(gains, key=lambda j: gains[j][0])
-    gain = gains[best][0]
-    rivals = _rival_ids(statistics, gains, best)
-    found = [_effect_finding(statistics, vehicle, row, best, gains[best], rivals)]
+    """The effect with the largest gain, and a second one beside it where it brings much.
+
+    Of effects that gain alike, the one that most of the vehicle's recordings name leads: their own
+    diagnosis has fitted each in full, and here they are linearised.
+    """
     own = _own(statistics, vehicle)
+    top = max(gain for gain, _ in gains.values())
+    alike = [j for j, (gain, _) in gains.items() if gain >= RIVAL_SHARE * top]
+    best = max(alike, key=lambda j: (_named_by(statistics, own, j), gains[j][0]))
+    gain = gains[best][0]
+    keys = statistics.sizes.keys
+    rivals = tuple(sorted({keys[j].effect for j in alike} - {keys[best].effect}))
+    found = [_effect_finding(statistics, vehicle, row, best, gains[best], rivals)]
     key, value = statistics.sizes.keys[best], float(statistics.effects.size[row, best])
     left = EffectSizes.collect([statistics.sizes.grams[i] for i in own]).without(
         [{key: value}] * len(own)
@@ -197,14 +206,10 @@ def _effect_findings(
     return found
 
 
-def _rival_ids(
-    statistics: VehicleStatistics, gains: dict[int, tuple[float, bool]], best: int
-) -> tuple[str, ...]:
-    keys = statistics.sizes.keys
-    alike = {
-        keys[j].effect for j, (gain, _) in gains.items() if gain >= RIVAL_SHARE * gains[best][0]
-    }
-    return tuple(sorted(alike - {keys[best].effect}))
+def _named_by(statistics: VehicleStatistics, own: Sequence[int], j: int) -> int:
+    """Number of units of a vehicle whose own diagnosis names an effect."""
+    effect = statistics.sizes.keys[j].effect
+    return sum(effect in statistics.units[i].causes for i in own)
 
 
 def _effect_finding(
@@ -235,7 +240,7 @@ def _effect_finding(
         units=int(np.isfinite(size).sum()),
         showing=int((np.sign(value) * size > 2.0 * std).sum()),
         rivals=rivals,
-        named_by=sum(key.effect in statistics.units[i].causes for i in own),
+        named_by=_named_by(statistics, own, j),
     )
 
 
@@ -266,7 +271,7 @@ def _wheel_findings(
                 held_out=True,
                 units=int(np.isfinite(size).sum()),
                 showing=int((np.sign(value) * size > 0.5 * abs(value)).sum()),
-                source="coasting",
+                source=COASTING,
                 named_by=sum(RADIUS[0] in statistics.coasting[i].causes for i in own),
             )
         )

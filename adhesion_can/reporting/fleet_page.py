@@ -1,11 +1,12 @@
 """Page of a fleet: the worst vehicles first, what all share, adhesion by line and day, a map."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from adhesion_can.plurals import counted
 from adhesion_can.reporting.fleet_adhesion import adhesion_parts, map_parts
+from adhesion_can.reporting.fleet_sizes import size_parts
 from adhesion_can.reporting.fleet_vehicles import named_alone, vehicle_parts
 from adhesion_can.reporting.fleet_words import (
     MOST_ROWS,
@@ -14,26 +15,33 @@ from adhesion_can.reporting.fleet_words import (
     left_out,
     owner,
 )
-from adhesion_can.reporting.page import Page, Part, Section, Table, Text
+from adhesion_can.reporting.page import Items, Page, Part, Section, Table, Text
 
 if TYPE_CHECKING:
-    from adhesion_can.fleet.findings import FleetDiagnosis
+    from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
     from adhesion_can.fleet.overview import FleetOverview
 
+MOST_SENTENCES = 5
+"""Largest number of vehicles with a sentence of their own at the top of the page."""
 SHARED_COLUMNS = ("of", "effect", "size", "p-value", "gain, %", "units")
 
 
-def fleet_page(overview: "FleetOverview", provenance: Mapping[str, str]) -> Page:
+def fleet_page(
+    overview: "FleetOverview", provenance: Mapping[str, str], commands: Sequence[str] = ()
+) -> Page:
     """Build the page of a fleet.
 
     Args:
         overview: What the report shows.
         provenance: Version, hashes and command by name.
+        commands: Commands to run next, each with the vehicle that it is for.
 
     """
     found = overview.diagnosis
     sections: dict[str, list[Part]] = {
         "Vehicles": vehicle_parts(found),
+        "What to run next": _next(commands),
+        "Sizes by vehicle": size_parts(found),
         "Lines, days and the model": _shared(found),
         "Adhesion by line and day": adhesion_parts(overview.estimates),
         "Map": map_parts(overview),
@@ -73,6 +81,7 @@ def _verdict(overview: "FleetOverview") -> list[str]:
             f"{len(named)} of {counted(len(found.vehicles), 'vehicle')} "
             f"{'differs' if len(named) == 1 else 'differ'} from the others: {causes}."
         )
+        lines += [_sized(one) for one in named[:MOST_SENTENCES]]
     elif found.compared:
         lines.append("No vehicle differs significantly and relevantly from the others.")
     for kind in found.kinds:
@@ -88,12 +97,26 @@ def _verdict(overview: "FleetOverview") -> list[str]:
             f"Recordings of {counted(count, 'vehicle')} name a cause on their own that no "
             f"comparison confirms: {shown}{more}."
         )
-    lines += [f"{owner(one)}: {one.name}, {format_size(one)}." for one in found.shared[:5]]
+    lines += [
+        f"{owner(one)}: {one.name}, {one.parameter} {format_size(one)}." for one in found.shared[:5]
+    ]
     if not found.shared:
         lines.append("No effect is shared by all vehicles, a line or a day.")
     if overview.failed:
         lines.append(f"{overview.failed} of {counted(found.units, 'recording')} failed.")
     return lines
+
+
+def _sized(one: "VehicleSummary") -> str:
+    """Sizes of what a vehicle has, in a sentence."""
+    causes = "; ".join(
+        f"{finding.name}, {finding.parameter} {format_size(finding)}" for finding in one.findings
+    )
+    return f"{one.vehicle}: {causes}."
+
+
+def _next(commands: Sequence[str]) -> list[Part]:
+    return [Items(commands)] if commands else []
 
 
 def _shared(found: "FleetDiagnosis") -> list[Part]:

@@ -6,6 +6,7 @@ from adhesion_can.plurals import counted
 from adhesion_can.reporting.fleet_words import (
     MOST_ROWS,
     format_gain,
+    format_pooled,
     format_size,
     left_out,
 )
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
 
 MOST_VEHICLES = 100
 """Largest number of vehicles in the first table."""
+UNKNOWN = "-"
+"""Cell of a size that no recording has."""
+ALONE_COLUMNS = ("vehicle", "cause", "size", "recordings")
+FAILING_COLUMNS = ("vehicle", "recordings", "reason")
 VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "rivals")
 
 
@@ -45,9 +50,10 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
     parts: list[Part] = []
     if rows:
         note = (
-            "Size ± standard error; p-value corrected for all effects; gain: reduction of the "
-            "RMSE of the adhesion on recordings of the vehicle that had no part in the size; "
-            "units: those that show it on their own. A radius comes from coasting. At most "
+            "Size ± standard error: mean over the vehicle's recordings, listed under 'Sizes by "
+            "vehicle'; p-value corrected for all effects; gain: reduction of the RMSE of the "
+            "adhesion on recordings of the vehicle that had no part in finding it; units: those "
+            "that show it on their own. A radius comes from coasting. At most "
             f"{100 * found.false_discovery_rate:g} % of these vehicles are expected to be wrong. "
             + left_out(len(named), MOST_VEHICLES, "vehicle")
         )
@@ -57,18 +63,17 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
         parts.append(Text("No vehicle has a finding."))
     alone = found.named_alone
     if alone:
-        causes = [
-            (one.vehicle, effect, f"{one.causes[effect]} of {one.units}")
+        by_recordings = [
+            (one.vehicle, effect, own_size(one, effect), f"{one.causes[effect]} of {one.units}")
             for one, effect in alone[:MOST_ROWS]
         ]
         note = (
             "Each recording was diagnosed on its own. If several recordings of a vehicle agree, "
-            "the cause is likely real; a single one may be chance. Sizes are in the table "
-            "causes. " + left_out(len(alone), MOST_ROWS, "cause")
+            "the cause is likely real; a single one may be chance. Size: mean over these "
+            "recordings. " + left_out(len(alone), MOST_ROWS, "cause")
         )
         caption = "Causes named by recordings alone, not by a comparison of vehicles."
-        columns = ("vehicle", "cause", "recordings")
-        parts.append(Table(caption, columns, causes, note, sentence_columns=(1,)))
+        parts.append(Table(caption, ALONE_COLUMNS, by_recordings, note, sentence_columns=(1, 2)))
     by_themselves = {one.vehicle for one, _ in alone}
     failing = [one for one in found.vehicles if one.failed and not one.findings]
     if failing:
@@ -78,8 +83,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
         ]
         note = left_out(len(failing), MOST_ROWS, "vehicle")
         caption = "Vehicles without a finding whose recordings failed or cannot be used."
-        columns = ("vehicle", "recordings", "reason")
-        parts.append(Table(caption, columns, failures, note, sentence_columns=(2,)))
+        parts.append(Table(caption, FAILING_COLUMNS, failures, note, sentence_columns=(2,)))
     told = {one.vehicle for one in [*named, *failing]} | by_themselves
     clean = len(found.vehicles) - len(told)
     if clean and told:
@@ -113,4 +117,12 @@ def _numbered(findings: "Sequence[Finding]") -> "list[tuple[bool, Finding]]":
 
 def named_alone(one: "VehicleSummary", effect: str) -> str:
     """A cause that recordings of a vehicle name by themselves."""
-    return f"{one.vehicle}: {effect}, {one.causes[effect]} of {counted(one.units, 'recording')}"
+    size = own_size(one, effect)
+    count = f"{one.causes[effect]} of {counted(one.units, 'recording')}"
+    return f"{one.vehicle}: {effect}, {count}" + f", {size}" * (size != UNKNOWN)
+
+
+def own_size(one: "VehicleSummary", effect: str) -> str:
+    """Mean size of a cause over the recordings of a vehicle that name it, form by form."""
+    sizes = [size for size in one.cause_sizes if size.effect == effect]
+    return "; ".join(f"{size.parameter} {format_pooled(size)}" for size in sizes) or UNKNOWN

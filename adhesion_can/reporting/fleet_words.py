@@ -1,21 +1,24 @@
 """Words of the page of a fleet: whose finding it is, its size, what is not shown."""
 
+from math import floor, log10
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from adhesion_can.diagnosis.formatting import measured, unit_text
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
 from adhesion_can.plurals import counted
 
 if TYPE_CHECKING:
     from adhesion_can.fleet.findings import Finding
+    from adhesion_can.fleet.pooled_size import PooledSize
 
 MOST_ROWS = 60
 """Largest number of rows of a table, that of the vehicles aside."""
+LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e5
+"""Sizes outside which an axis is drawn in a power of ten."""
 RELATIVE = frozenset({WheelRadius().id, SpeedScale().id})
 """Effects whose size is a relative error, shown in percent."""
-UNITS = {"1": "", "1/%": "per %", "1/K": "per K", "1/s": "per s"}
+UNITS = {"1/%": "per %", "1/K": "per K", "1/s": "per s"}
 """Units that are written otherwise."""
 
 
@@ -27,18 +30,38 @@ def owner(finding: "Finding") -> str:
 
 
 def format_size(finding: "Finding") -> str:
-    """Size with its standard error to two digits, and unit; an error of a ratio in percent."""
-    relative = finding.effect in RELATIVE
-    factor = 100.0 if relative else 1.0
-    unit = "%" if relative else UNITS.get(finding.unit, finding.unit)
-    value, std = factor * finding.value, factor * finding.std
-    if not (np.isfinite(std) and std > 0.0):
-        return f"{value:.3g} {unit}".strip()
-    digits = int(np.floor(np.log10(std))) - 1
-    if -6 <= digits <= 2:
-        decimals = max(-digits, 0)
-        return f"{value:.{decimals}f} ± {std:.{decimals}f} {unit}".strip()
-    return f"{value:.3g} ± {std:.2g} {unit}".strip()
+    """Size of a finding with standard error and unit; to first order where no unit has another."""
+    if finding.pooled is not None:
+        return format_pooled(finding.pooled)
+    factor, unit = _scale(finding.effect, finding.unit)
+    return f"about {factor * finding.value:.2g} {unit}".strip() + " (first order)"
+
+
+def format_pooled(size: "PooledSize") -> str:
+    """Mean size with standard error and unit."""
+    return format_value(size, size.value, size.std)
+
+
+def format_value(size: "PooledSize", value: float, std: float) -> str:
+    """A size with standard error and unit; an error of a ratio in percent."""
+    factor, unit = _scale(size.effect, size.unit)
+    return measured(factor * value, factor * std, unit)
+
+
+def size_axis(size: "PooledSize") -> tuple[float, str]:
+    """Factor of the numbers on an axis, and its title: parameter, power of ten and unit."""
+    factor, unit = _scale(size.effect, size.unit)
+    text, shown = unit_text(unit), abs(factor * size.value)
+    if shown and not LEAST_PLAIN <= shown < MOST_PLAIN:
+        power = floor(log10(shown))
+        return factor / 10.0**power, f"{size.parameter}, 1e{power} {text}".strip()
+    return factor, f"{size.parameter}, {text}" if text else size.parameter
+
+
+def _scale(effect: str, unit: str) -> tuple[float, str]:
+    if effect in RELATIVE:
+        return 100.0, "%"
+    return 1.0, UNITS.get(unit, unit)
 
 
 def format_gain(finding: "Finding") -> str:

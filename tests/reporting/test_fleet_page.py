@@ -44,7 +44,8 @@ def test_the_worst_vehicles_come_first_with_their_causes(overview):
     text = " ".join(cells(made, "Vehicles"))
     assert "wheel_radius axle 2" in text
     (worn,) = [f for f in overview.diagnosis.findings if f.where == "V20"]
-    assert f"{100 * worn.value:.3f} ± {100 * worn.std:.3f} %" in text
+    assert f"{100 * worn.pooled.value:.3f} ± {100 * worn.pooled.std:.3f} %" in text
+    assert worn.pooled.std == pytest.approx(worn.std, rel=0.5)
     assert "4 of 30 vehicles differ from the others" in made.verdict[0]
     assert any("Line line1: speed_delay" in line for line in made.verdict)
 
@@ -94,7 +95,7 @@ def test_causes_that_recordings_name_by_themselves_are_told_apart():
     made = fleet_page(FleetOverview(diagnose_fleet(units)), {})
     assert any("V01: load_dependence, 2 of 2 recordings" in line for line in made.verdict)
     assert made.verdict[0] == "2 vehicles are too few to be compared with each other."
-    assert cells(made, "Vehicles") == ["V01", "load_dependence", "2 of 2"]
+    assert cells(made, "Vehicles") == ["V01", "load_dependence", "-", "2 of 2"]
     assert "Nothing is named on the other vehicle." in render(made)
 
 

@@ -1,14 +1,41 @@
-"""Gram matrices of all candidates of a prepared regression, for a diagnosis of many drives."""
+"""Gram matrices of all candidates of a prepared regression, for a diagnosis of many drives.
+
+The matrices are those of a regression that is linear in the sizes, at size 0. There the curve that
+was fitted without the effect has taken a part of it: an effect that takes a quarter off the
+adhesion looks a third too large. So each effect with a clear size is also fitted alone beside the
+curves, by Gauss-Newton steps about the fitted values until they settle (decision 081).
+"""
+
+from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey, project_grams
+from adhesion_can.diagnosis.effect_grams import (
+    EffectGrams,
+    EffectKey,
+    SizeEstimate,
+    project_grams,
+)
+from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
+from adhesion_can.diagnosis.regression.whitened_regression import (
+    FittedModel,
+    WhitenedRegression,
+    fit_model,
+)
+
+CLEAR = 2.0
+"""Size in its standard errors from which an effect is fitted: a smaller one is bent by a fraction
+of its standard error."""
+SETTLED = 1.0
+"""Largest step that is left where a fit has settled, in standard errors; it is taken to first
+order."""
 
 
 def compute_effect_grams(prepared: PreparedRegression, rmse: float) -> EffectGrams:
-    """Gram matrices of all candidates, on all rows of the drives.
+    """Gram matrices of all candidates on all rows of the drives, and the fits of the clear ones.
 
     Args:
         prepared: Whitened regression with the plain fit and the signatures.
@@ -22,7 +49,48 @@ def compute_effect_grams(prepared: PreparedRegression, rmse: float) -> EffectGra
     white = regression.whiten(signatures)
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))
     keys = tuple(_key(candidate) for candidate in prepared.candidates)
-    return project_grams(grams, curve, keys, rmse)
+    found = project_grams(grams, curve, keys, rmse)
+    return replace(found, fits=_fit_clear_sizes(regression, prepared, found))
+
+
+def _fit_clear_sizes(
+    regression: WhitenedRegression, prepared: PreparedRegression, found: EffectGrams
+) -> dict[int, SizeEstimate]:
+    """Sizes of the effects that are clear, each fitted alone beside the curves, by their place."""
+    size, std = found.size, found.std
+    fits = {}
+    for place, candidate in enumerate(prepared.candidates):
+        clear = abs(size[place]) >= CLEAR * std[place]  # False for NaN
+        if clear and found.absorbed[place] < IMITATED:
+            estimate = _fit_size(regression, prepared, candidate, float(size[place]))
+            if estimate is not None:
+                fits[place] = estimate
+    return fits
+
+
+def _fit_size(
+    regression: WhitenedRegression, prepared: PreparedRegression, candidate: Candidate, size: float
+) -> SizeEstimate | None:
+    """Size of an effect by the nonlinear fit of it alone, from its size to first order."""
+    first = candidate.free_parameters[0]
+    start = (float(np.clip(size, first.lower, first.upper)), *candidate.null_values[1:])
+    model = prepared.plain.model.with_effect(candidate, start)
+    if not np.isfinite(regression.residual(model)).all():
+        return None  # the law has no value there
+    return _settled_size(fit_model(regression, model), candidate)
+
+
+def _settled_size(fitted: FittedModel, candidate: Candidate) -> SizeEstimate | None:
+    """Size of the only effect of a fitted model; None at the end of its range, or not settled."""
+    place, free = fitted.model.first_parameter(0), fitted.free
+    value, std = fitted.model.values[0][0], float(np.sqrt(fitted.covariance[place, place]))
+    at_bound = not free[place] or candidate.free_parameters[0].is_at_bound(value)
+    if at_bound or not (np.isfinite(std) and std > 0.0):
+        return None
+    total = fitted.grams.total
+    step = solve_normal_equations(total[:-1, :-1][np.ix_(free, free)], total[:-1, -1][free])
+    left = float(step[int(free[:place].sum())])
+    return SizeEstimate(value + left, std) if abs(left) <= SETTLED * std else None
 
 
 def _key(candidate: Candidate) -> EffectKey:

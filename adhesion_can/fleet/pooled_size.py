@@ -1,0 +1,196 @@
+"""Size of an effect in several units: each unit's own estimate, and their mean.
+
+No estimate here is linearised: it is what the unit's own diagnosis names, or the nonlinear fit of
+the effect alone, or too small to be bent. Their mean is DerSimonian and Laird's, by the variances
+of the units and the spread between them (`random_effects`), first over the units of a vehicle, then
+over vehicles. See decision 081.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from adhesion_can.diagnosis.effect_grams import EffectKey
+from adhesion_can.diagnosis.formatting import effect_name
+from adhesion_can.diagnosis.inference.candidates import IMITATED
+from adhesion_can.diagnosis.inference.compute_effect_grams import CLEAR
+from adhesion_can.fleet.effect_sizes import Sizes, place_of, remove_effects
+from adhesion_can.fleet.evidence import CauseSize, UnitEvidence
+from adhesion_can.fleet.random_effects import Mean, pool
+
+
+class SizeSource(StrEnum):
+    """Origin of a unit's size."""
+
+    DIAGNOSIS = "diagnosis"
+    FIT = "fit"
+    FIRST_ORDER = "first order"
+    COASTING = "coasting"
+
+
+@dataclass(frozen=True, slots=True)
+class UnitSize:
+    """Size of an effect in one unit.
+
+    Attributes:
+        unit_id: Id of the unit.
+        vehicle: Id of the vehicle.
+        recording: Path or URL of the recording.
+        value: Size.
+        std: Standard error of it.
+        source: Origin of the size.
+
+    """
+
+    unit_id: str
+    vehicle: str
+    recording: str
+    value: float
+    std: float
+    source: SizeSource
+
+
+@dataclass(frozen=True, slots=True)
+class PooledSize:
+    """Mean size of an effect over some units.
+
+    Attributes:
+        effect: Effect id.
+        form: Form of the effect; '' where there is one alone.
+        axle: Axle number from 1; 0 for an effect of the whole vehicle.
+        parameter: Name of the size.
+        unit: Unit of the size, SI.
+        value: Mean, in `unit`.
+        std: Standard error of it, the spread between units included, in `unit`.
+        spread: Standard deviation between the units of the fleet, in `unit`.
+        sizes: Size in each unit that has one, in the order of vehicles.
+
+    """
+
+    effect: str
+    form: str
+    axle: int
+    parameter: str
+    unit: str
+    value: float
+    std: float
+    spread: float
+    sizes: tuple[UnitSize, ...]
+
+    @property
+    def name(self) -> str:
+        """Effect id with form and axle."""
+        return effect_name(self.effect, self.form, self.axle)
+
+    @property
+    def by_vehicle(self) -> dict[str, tuple[Mean, tuple[UnitSize, ...]]]:
+        """Mean and sizes of each vehicle, by its id."""
+        return {
+            vehicle: (_mean(own, self.spread), tuple(own))
+            for vehicle, own in _grouped(self.sizes).items()
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """The size as JSON has it."""
+        return asdict(self) | {
+            "sizes": [asdict(one) | {"source": str(one.source)} for one in self.sizes]
+        }
+
+
+def pool_sizes(key: EffectKey, sizes: Iterable[UnitSize], spread: float) -> PooledSize | None:
+    """Mean size over units; None where no unit has one.
+
+    Args:
+        key: Effect.
+        sizes: Size in each unit that has one.
+        spread: Standard deviation between the units of the fleet, in the effect's unit; 0 where it
+            is not known.
+
+    """
+    found = sorted(sizes, key=lambda one: (one.vehicle, one.recording, one.unit_id))
+    if not found:
+        return None
+    means = [_mean(own, spread) for own in _grouped(found).values()]
+    mean = means[0]
+    if len(means) > 1:
+        mean = pool(
+            np.array([one.value for one in means]), np.array([one.std for one in means]) ** 2
+        )
+    named = key.effect, key.form, key.axle, key.parameter, key.unit
+    return PooledSize(*named, mean.value, mean.std, spread, tuple(found))
+
+
+def _grouped(sizes: Iterable[UnitSize]) -> dict[str, list[UnitSize]]:
+    found: dict[str, list[UnitSize]] = defaultdict(list)
+    for one in sizes:
+        found[one.vehicle].append(one)
+    return found
+
+
+def _mean(sizes: Sequence[UnitSize], spread: float) -> Mean:
+    value, std = np.array([one.value for one in sizes]), np.array([one.std for one in sizes])
+    return pool(value, std**2 + spread**2)
+
+
+def size_in_unit(unit: UnitEvidence, key: EffectKey, others: Sizes) -> UnitSize | None:
+    """Size of an effect in a unit; None where the unit has no estimate that is not linearised.
+
+    Args:
+        unit: Evidence of the unit.
+        key: Effect.
+        others: Sizes of other effects that act in the unit too. The fit of the effect alone is
+            moved by what they put into it, to first order; a diagnosis has fitted its own beside.
+
+    """
+    named = next((one for one in unit.cause_sizes if _is_same(one, key)), None)
+    if named is not None and named.std is not None:
+        return _size(unit, named.value, named.std, SizeSource.DIAGNOSIS)
+    grams = unit.grams
+    place = None if grams is None else place_of(grams, key)
+    if grams is None or place is None or grams.absorbed[place] >= IMITATED:
+        return None
+    left = remove_effects(grams, others)
+    linear, std = float(left.size[place]), float(grams.std[place])
+    if place in grams.fits:
+        fitted = grams.fits[place]
+        moved = linear - float(grams.size[place])
+        return _size(unit, fitted.value + moved, fitted.std, SizeSource.FIT)
+    if abs(grams.size[place]) < CLEAR * std:  # False for NaN
+        return _size(unit, linear, std, SizeSource.FIRST_ORDER)
+    return None
+
+
+def sizes_by_diagnosis(units: Sequence[UnitEvidence]) -> dict[EffectKey, list[UnitSize]]:
+    """Sizes of the causes that the diagnosis of each unit names, by effect."""
+    found: dict[EffectKey, list[UnitSize]] = defaultdict(list)
+    for unit in units:
+        for one in unit.cause_sizes:
+            if one.std is not None:
+                key = EffectKey(one.effect, one.form, one.axle, one.parameter, one.unit, 1.0)
+                found[key].append(_size(unit, one.value, one.std, SizeSource.DIAGNOSIS))
+    return found
+
+
+def sizes_by_coasting(units: Sequence[UnitEvidence], axle: int) -> list[UnitSize]:
+    """Deviation of a wheel radius in each unit; of axle 0 that of all radii of a unit alike."""
+    found = []
+    for unit in units:
+        own = [one for one in unit.radii if axle in {0, one.axle}]
+        if own:
+            value = float(np.mean([one.value for one in own]))
+            # Radii of a unit share the error of its vehicle speed: their mean is as uncertain.
+            std = float(np.sqrt(np.mean([one.std**2 for one in own])))
+            found.append(_size(unit, value, std, SizeSource.COASTING))
+    return found
+
+
+def _is_same(one: CauseSize, key: EffectKey) -> bool:
+    return one[:5] == (key.effect, key.form, key.axle, key.parameter, key.unit)
+
+
+def _size(unit: UnitEvidence, value: float, std: float, source: SizeSource) -> UnitSize:
+    return UnitSize(unit.unit, unit.vehicle, unit.path, value, std, source)
