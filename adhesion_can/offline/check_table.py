@@ -10,7 +10,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.estimation.batch_result import BatchResult
-from adhesion_can.offline.check import describe_excitation
+from adhesion_can.offline.excitation import describe_excitation
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.points import LEAST_ROWS
 from adhesion_can.physics.samples import Samples

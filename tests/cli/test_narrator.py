@@ -79,10 +79,12 @@ def test_times_in_text_begin_at_0_and_their_date_is_said_once():
     assert [line.split()[0] for line in others] == ["0.00", "1.00", "2.00", "2.00"]
 
 
-def test_stamps_that_are_no_dates_stay_as_they_are():
+def test_stamps_that_are_no_dates_begin_at_0_too():
     narrator, file, _ = told("text")
     narrator.print_setpoint(2_500_000, Outputs(Status.INIT))
-    assert file.getvalue().startswith("2.50 INIT")
+    first, second = file.getvalue().splitlines()
+    assert first == "times in s since 2.5 s on the recording's clock"
+    assert second.startswith("0.00 INIT")
 
 
 def test_json_keeps_the_stamps_of_the_bus():
