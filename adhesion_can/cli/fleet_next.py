@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 MOST_COMMANDS, MOST_RECORDINGS = 10, 3
 """Largest number of commands, and of recordings of one."""
-SHARED = "fleet"
-"""Name of the page of the effects that vehicles share."""
+SHARED = "several-vehicles"
+"""Name of what vehicles share, and of its page."""
 
 
 class NextCommand(NamedTuple):

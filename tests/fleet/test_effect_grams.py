@@ -114,10 +114,10 @@ def test_a_unit_some_of_whose_rows_are_gone_counts_as_failed_and_says_so(tmp_pat
     assert (whole.error, whole.grams.keys) == ("", KEYS)
     assert torn.grams is twice.grams is None
     assert torn.error == (
-        f"{tmp_path}: effects of torn: 2 rows where 3 are needed; "
+        f"{tmp_path}: effects of torn: 2 rows instead of 3; "
         "remove its file below units/ and run the same command again"
     )
-    assert "effects of twice: 6 rows where 3" in twice.error
+    assert "effects of twice: 6 rows instead of 3" in twice.error
 
 
 def test_a_drive_of_a_locomotive_has_the_effect_that_is_hidden_in_it(tmp_path):
