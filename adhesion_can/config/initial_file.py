@@ -11,6 +11,7 @@ from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
 from adhesion_can.bus.shared_efforts import distribute
 from adhesion_can.config.toml_text import quoted
 from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA, vehicle_example
+from adhesion_can.estimation.doubt.settings import HEAVY_LOAD, InstrumentUncertainty
 from adhesion_can.physics.readings import Role
 from adhesion_can.plurals import counted
 
@@ -99,7 +100,7 @@ def initial_text(initial: InitialConfiguration, target: Path | None) -> str:
         "# 'guessed', fill in what says so, then: adhesion-can check RECORDING --config THIS_FILE\n"
     )
     bus = f"[bus]\ndatabase = {quoted(path)}\n"
-    parts = [head, bus, _vehicle(initial), _roles(initial), _unused(initial)]
+    parts = [head, bus, _vehicle(initial), _instruments(initial), _roles(initial), _unused(initial)]
     return "\n".join(parts)
 
 
@@ -123,6 +124,19 @@ def _vehicle(initial: InitialConfiguration) -> str:
         "# traction_height_m = ..   # of the traction rods, above the rail",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _instruments(initial: InitialConfiguration) -> str:
+    """Section of what the instruments may be wrong by, with the values that hold without it."""
+    load = initial.vehicle.get("axle_load_N", HEAVY_LOAD)
+    usual = InstrumentUncertainty().on_load(load)
+    return (
+        "# Errors that all axles share; they count until the train has braked and coasted.\n"
+        "# 'check' and 'calibrate' propose smaller ones that a recording bears out.\n"
+        "[instruments]\n"
+        f"speed_error_std = {usual.speed_error_std:g}  # scale of the vehicle speed, a share\n"
+        f"# effort_bias_std = {usual.used_bias_std:.0f}  # N; this is 0.41 % of the axle load\n"
+    )
 
 
 def _roles(initial: InitialConfiguration) -> str:

@@ -183,3 +183,17 @@ def test_the_database_of_the_example_is_found(tmp_path):
         "vehicle_speed",
         *(f"{role}.{axle}" for role in ("wheel_speed", "tractive_effort") for axle in (1, 2, 3, 4)),
     }
+
+
+@pytest.mark.parametrize(("load", "bias"), [("92e3", "376"), ("245e3", "1000")])
+def test_errors_of_the_instruments_stand_with_the_values_that_hold(tmp_path, load, bias):
+    out = tmp_path / "own.toml"
+    given = [load if word == "90e3" else word for word in VEHICLE]
+    words = ["init", "--dbc", str(TRAM), "--yes", "--out", str(out), *given]
+    assert main(words) == 0
+    text = out.read_text()
+    assert "[instruments]\nspeed_error_std = 0.003 " in text
+    assert f"# effort_bias_std = {bias} " in text
+    stated = text.replace("# effort_bias_std", "effort_bias_std")
+    (tmp_path / "stated.toml").write_text(stated)
+    assert load_configuration(tmp_path / "stated.toml").estimators.instruments.used_bias_std > 0
