@@ -74,7 +74,7 @@ class UnitEvidence:
         radii: Wheel radii from coasting; () without enough of it.
         radii_applied: Whether the effects were looked for with these radii.
         causes: Effect ids that the unit's own diagnosis names.
-        cause_sizes: Sizes of these; a wheel radius that was applied has none, `radii` has it.
+        cause_sizes: Sizes of the causes; a wheel radius that was applied is in `radii` instead.
         path: Path or URL of the recording.
         faults: Sentences of what makes the recording unusable; () for none.
         error: Error for which the unit failed; '' where it was worked through.

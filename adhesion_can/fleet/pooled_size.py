@@ -1,9 +1,9 @@
 """Size of an effect in several units: each unit's own estimate, and their mean.
 
-No estimate here is linearised: it is what the unit's own diagnosis names, or the nonlinear fit of
-the effect alone, or too small to be bent. Their mean is DerSimonian and Laird's, by the variances
-of the units and the spread between them (`random_effects`), first over the units of a vehicle, then
-over vehicles. See decision 081.
+No estimate here is linearised: it is the size found by the diagnosis of the unit, or the nonlinear
+fit of the effect alone, or too small to be bent. Their mean is DerSimonian and Laird's, by the
+variances of the units and the spread between them (`random_effects`), first over the units of a
+vehicle, then over vehicles. See decision 081.
 """
 
 from collections import defaultdict
