@@ -67,8 +67,9 @@ from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks, re
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Runs the service over recordings, as it would have run live. The last line is the RMSE "
-        "of the adhesion around the best-fitting curve, with the effects of --model if given. "
+        "Runs the service over recordings, as it would have run live. At the end come the RMSE "
+        "of the adhesion around the best-fitting curve, with the effects of --model if given, and "
+        "what to do next. "
         "The share by which --model reduces it agrees with the gain that 'diagnose' reports."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")

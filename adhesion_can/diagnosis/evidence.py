@@ -31,7 +31,7 @@ DECISIONS = {
     Decision.OTHER_FORM: "another form of the cause, or another axle",
     Decision.WORSE: "fitted alone, it predicts held-out blocks worse than the causes do "
     "(paired test with this p)",
-    Decision.WEAKER: "not fitted, because others were more promising",
+    Decision.WEAKER: "it gains less alone than others, and was not tried further",
     Decision.REFUTED: "it helps, but is refuted as a cause",
     Decision.IMPLAUSIBLE: "it fits only with a size that no vehicle has",
     Decision.NOT_NAMED: "fitted, but its gain is too small or not certain",

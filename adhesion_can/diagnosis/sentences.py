@@ -93,11 +93,11 @@ def where_sentence(profile: Profile, gain: Gain) -> str:
     best = int(np.argmax(size)) if len(size) else 0
     if not len(size) or size[best] == 0.0:
         return f"{lead}."
-    much = "too little" if profile.before[best] > 0 else "too much"
+    side = "low" if profile.before[best] > 0 else "high"
     at = f"{short(float(profile.at[best]))} {unit_text(profile.unit)}".strip()
     return (
         f"{lead}. The error is largest where {channel_label(profile.channel)} is about {at}: "
-        f"{size[best]:.4f} {much} there."
+        f"there the simulated adhesion is {size[best]:.4f} too {side}."
     )
 
 

@@ -25,7 +25,7 @@ from adhesion_can.estimation.identifiability import (
     require_fall,
 )
 from adhesion_can.estimation.likelihood import sum_of_squares
-from adhesion_can.estimation.missing_peak import describe_missing_peak
+from adhesion_can.estimation.missing_peak import find_missing_peak
 from adhesion_can.estimation.noise.noise_factors import batch_factors
 from adhesion_can.estimation.noise.settings import NoiseSettings
 from adhesion_can.estimation.variable_projection import (
@@ -165,7 +165,7 @@ def identify(
     if judge_family:
         segments, rails = _judge_families(segments, inner, settings)
     segments = tuple(
-        segment._replace(missing=describe_missing_peak(segment.estimate, rows, settings))
+        segment._replace(missing=find_missing_peak(segment.estimate, rows, settings))
         for segment, rows in zip(segments, inner, strict=True)
     )
     whole = segments[0].estimate

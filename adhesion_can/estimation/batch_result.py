@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adhesion_can.estimation.compare_directions import Directions
+from adhesion_can.estimation.missing_peak import MissingPeak
 from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import TimeScale, html_table, plus_minus
@@ -24,7 +25,7 @@ class Segment(NamedTuple):
         to_us: Stamp of its last sample, µs.
         estimate: Estimate from its samples; its peak is not identifiable where directions differ.
         directions: What speaks against one curve for traction and braking.
-        missing: Clause on what of the peak the samples do not show, and why; '' where they show it.
+        missing: What of the peak the samples do not show, and why.
 
     """
 
@@ -32,11 +33,11 @@ class Segment(NamedTuple):
     to_us: int
     estimate: Estimate
     directions: Directions = Directions()
-    missing: str = ""
+    missing: MissingPeak = MissingPeak("")
 
     def sentence(self, times: TimeScale) -> str:
         """Why its peak is not known, with the times; '' where it is."""
-        why = self.directions.sentence or self.missing
+        why = self.directions.sentence or self.missing.clause
         return why and f"{times.span(self.from_us, self.to_us)} s: {why}"
 
 
@@ -77,7 +78,7 @@ class BatchResult:
                 "to_s": s.to_us / 1e6,
                 **_with_intervals(s.estimate),
                 "directions": s.directions._asdict(),
-                "missing": s.directions.sentence or s.missing or None,
+                "missing": s.directions.sentence or s.missing.clause or None,
             }
             for s in self.segments
         ]

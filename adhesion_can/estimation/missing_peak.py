@@ -1,6 +1,7 @@
 """Why samples do not show the peak of their curve, in words."""
 
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,10 +18,23 @@ CERTAIN = 3.0
 """Difference of their means in its standard errors from which the adhesion rises."""
 
 
-def describe_missing_peak(
+class MissingPeak(NamedTuple):
+    """What of a peak some samples do not show.
+
+    Attributes:
+        clause: What is missing, and why; '' where nothing is.
+        by_noise: Whether noise hides it, or an error that looks like noise, and no lack of slip.
+
+    """
+
+    clause: str
+    by_noise: bool = False
+
+
+def find_missing_peak(
     estimate: Estimate, samples: Samples, settings: IdentifiabilitySettings
-) -> str:
-    """Clause on what of the peak the samples do not show, and why; '' where they show it.
+) -> MissingPeak:
+    """What of the peak the samples do not show, and why.
 
     Args:
         estimate: Estimate from these samples.
@@ -30,18 +44,32 @@ def describe_missing_peak(
     """
     known = estimate.identifiable
     if known.both:
-        return ""
+        return MissingPeak("")
     what = "the peak is"
     if known.mu_max or known.lambda_m:
         what = "lambda_m is" if known.mu_max else "mu_max is"
-    return f"{what} not in the data: {_reason(estimate, samples, settings)}"
+    reason = _lack_of_slip(estimate, samples, settings)
+    if reason:
+        return MissingPeak(f"{what} not in the data: {reason}")
+    reached = _reached(samples, settings)
+    return MissingPeak(
+        f"{what} not in the data: the slips reach {reached:.4f}, but a noise of "
+        f"{estimate.noise_std:.2g} in the adhesion leaves open where it is largest; an error of an "
+        "instrument looks the same",
+        by_noise=True,
+    )
 
 
-def _reason(estimate: Estimate, samples: Samples, settings: IdentifiabilitySettings) -> str:
+def _reached(samples: Samples, settings: IdentifiabilitySettings) -> float:
+    return float(np.quantile(np.abs(samples.slip), 1.0 - settings.reach))
+
+
+def _lack_of_slip(estimate: Estimate, samples: Samples, settings: IdentifiabilitySettings) -> str:
+    """Clause on samples that are few or of small slips; '' where they are neither."""
     if len(samples) < settings.samples:
         return f"{len(samples)} samples, fewer than {settings.samples}"
     share = f"{100 * (1 - settings.reach):.3g} %"
-    reached = float(np.quantile(np.abs(samples.slip), 1.0 - settings.reach))
+    reached = _reached(samples, settings)
     used = float(adhesion(np.array(reached), *estimate.theta))
     if used < LEAST_EFFORT:
         return (
@@ -55,10 +83,7 @@ def _reason(estimate: Estimate, samples: Samples, settings: IdentifiabilitySetti
             return f"{below}, not far enough beyond the largest adhesion; drive to larger slips"
     elif _rises(samples, reached):
         return f"{below}, where the adhesion is {used:.2f} and still rises; drive to larger slips"
-    return (
-        f"the slips reach {reached:.4f}, but a noise of {estimate.noise_std:.2g} in the adhesion "
-        "leaves open where it is largest; record more samples on both sides of the peak"
-    )
+    return ""
 
 
 def _rises(samples: Samples, reached: float) -> bool:

@@ -133,6 +133,9 @@ def _grouped(sizes: Iterable[UnitSize]) -> dict[str, list[UnitSize]]:
 
 def _mean(sizes: Sequence[UnitSize], spread: float) -> Mean:
     value, std = np.array([one.value for one in sizes]), np.array([one.std for one in sizes])
+    if len(sizes) == 1:
+        # What one recording shows, as it shows it: how others differ is no error of this one.
+        return Mean(float(value[0]), float(std[0]), 1)
     return pool(value, std**2 + spread**2)
 
 

@@ -362,7 +362,8 @@ def _fit(samples: Samples, configuration: Configuration) -> BatchResult | None:
     if configuration.missing_for_identification() or not len(samples):
         return None
     estimators = configuration.estimators
-    return identify(samples, estimators.identifiability, noise=estimators.noise)
+    # Judged as `identify` does, so that both say the same of a peak.
+    return identify(samples, estimators.identifiability, noise=estimators.noise, judge_family=True)
 
 
 def _watch(

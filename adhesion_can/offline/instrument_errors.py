@@ -57,8 +57,8 @@ def propose_instruments(
         return
     yield (
         f"the vehicle speed reads {_in_words(speed, 100.0, ' %')}, the efforts "
-        f"{_in_words(effort, 1.0, ' N')}: state {' and '.join(keys)} under [instruments], and the "
-        "peak is known before the train has braked"
+        f"{_in_words(effort, 1.0, ' N')}. With {' and '.join(keys)} in [instruments], the service "
+        "knows the peak before the train has braked"
     )
 
 

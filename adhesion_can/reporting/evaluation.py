@@ -41,7 +41,10 @@ def verdict(found: Evaluation) -> str:
     if refitted.interval[1] < 0.0:
         return f"{text} Its effects make the prediction worse here: the whole interval is below 0."
     if not _is_sure(refitted):
-        return f"{text} Whether its effects help here is not certain: the interval includes 0."
+        return (
+            f"{text} With the curve refitted, the interval of the gain includes 0: whether its "
+            "effects help here is not certain."
+        )
     return text
 
 

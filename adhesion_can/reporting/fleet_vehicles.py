@@ -60,7 +60,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
         caption = "Vehicles that differ from the others, worst first."
         parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
     else:
-        parts.append(Text("No vehicle has a finding."))
+        parts.append(Text("The comparison of vehicles finds nothing."))
     alone = found.named_alone
     if alone:
         by_recordings = [

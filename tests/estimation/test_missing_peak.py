@@ -24,26 +24,27 @@ def samples_of(slip_max, noise=0.005, count=2000):
     (samples_of(0.0003), "the vehicle coasts"),
     (samples_of(0.02), "and still rises; drive to larger slips"),
     (samples_of(0.2, count=12), "12 samples, fewer than 20"),
-    (samples_of(0.2, noise=1.5), "record more samples on both sides"),
+    (samples_of(0.2, noise=1.5), "an error of an instrument looks the same"),
 ], ids=["coasting", "small slips", "few", "noise"])  # fmt: skip
 def test_the_reason_is_that_of_the_samples(samples, why):
     (segment,) = identify(samples).segments
-    assert segment.missing.startswith("the peak is not in the data: ")
-    assert why in segment.missing
+    assert segment.missing.clause.startswith("the peak is not in the data: ")
+    assert why in segment.missing.clause
+    assert segment.missing.by_noise == ("instrument" in why)
     assert peak_cells(segment.estimate) == (NOT_SHOWN, NOT_SHOWN)
 
 
 def test_the_height_may_be_shown_and_the_place_not():
     """Slips to 0.08 are enough for the height of a peak at 0.073."""
     (segment,) = identify(samples_of(0.08, noise=0.02)).segments
-    assert segment.missing.startswith("lambda_m is not in the data: ")
-    assert "not far enough beyond the largest adhesion" in segment.missing
+    assert segment.missing.clause.startswith("lambda_m is not in the data: ")
+    assert "not far enough beyond the largest adhesion" in segment.missing.clause
     height, place = peak_cells(segment.estimate)
     assert ("±" in height, place) == (True, NOT_SHOWN)
 
 
 def test_nothing_is_missing_where_the_peak_is_shown():
     result = identify(samples_of(0.2))
-    assert result.segments[0].missing == ""
+    assert result.segments[0].missing.clause == ""
     assert result.to_dict()["segments"][0]["missing"] is None
     assert "±" in peak_cells(result.segments[0].estimate)[1]

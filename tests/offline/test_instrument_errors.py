@@ -63,6 +63,14 @@ def test_a_drive_in_both_directions_proposes_smaller_errors():
     assert 80.0 < float(sentence.split("effort_bias_std = ")[1].split()[0]) < 300.0
 
 
+def test_what_is_no_error_of_all_axles_proposes_nothing():
+    """One wheel that is 1 % larger would be taken for errors of speed and efforts."""
+    samples = make_samples(np.random.default_rng(3), 60.0)
+    slip = np.where(samples.axle == 1, samples.slip - 0.01 * (1 + samples.slip), samples.slip)
+    worn = replace(samples, slip=slip, creep_speed=slip * samples.speed)
+    assert estimate_shared_errors(worn, THETA, AXLES, 0.5) is None
+
+
 def test_traction_alone_proposes_nothing():
     samples = make_samples(np.random.default_rng(3), 60.0)
     assert proposals(samples.select(samples.slip > 0.0)) == []

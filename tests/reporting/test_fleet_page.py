@@ -71,7 +71,9 @@ def test_a_fleet_without_positions_says_how_to_have_a_map():
 
 
 def test_an_empty_fleet_has_a_page():
-    assert "No vehicle has a finding" in render(fleet_page(synthetic_overview(0), {}))
+    assert "The comparison of vehicles finds nothing" in render(
+        fleet_page(synthetic_overview(0), {})
+    )
 
 
 def test_nothing_is_loaded_from_elsewhere(overview):
@@ -103,7 +105,7 @@ def test_one_of_a_thing_is_told_in_singular():
     units = Fleet(vehicles=1, drives=1).draw(1)
     made = fleet_page(FleetOverview(diagnose_fleet(units)), {})
     assert made.lead.startswith("1 recording of 1 vehicle, 1 with evidence")
-    assert "No vehicle has a finding." in render(made)
+    assert "The comparison of vehicles finds nothing." in render(made)
     assert "the other vehicle" not in render(made)
     assert made.verdict[0] == "1 vehicle is too few to be compared with each other."
     assert left_out(61, 60, "kind") == "1 further kind is not shown; all are in fleet.json."

@@ -129,7 +129,7 @@ RIVALLED = replace(DELAY, rivals=("wheel_speed_delay",))
          "Next: drive the plan with adhesion-can control --plan p.toml -i INTERFACE -c CHANNEL"),
         (replace(of(RIVALLED, needed=None), next_drive=NO_PLAN), LOG,
          "No plan: no manoeuvre is within the limits. Next: record"),
-        (replace(nothing(), evidence=()), LOG, "Next: adhesion-can identify 'drive one.log'"),
+        (replace(nothing(), evidence=()), LOG, "Next: adhesion-can run -i INTERFACE -c CHANNEL"),
         (unexplained(), LOG, "--formula '1 + a * NAME where a=0.01'"),
         (replace(unexplained(), closest=named().closest), LOG, "--next-drive plan.toml"),
         (replace(unexplained(), saturated=True), LOG, "widen the range of the clipped"),

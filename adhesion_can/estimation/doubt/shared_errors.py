@@ -14,16 +14,20 @@ from adhesion_can.estimation.doubt.directions import (
     BIAS_UNIT,
     EFFORT_BIAS,
     SPEED_SCALE,
+    TRACTION,
     build_directions,
 )
 from adhesion_can.estimation.doubt.doubt_share import pool_blocks
 from adhesion_can.estimation.doubt.joint_peak import fit_jointly
 from adhesion_can.estimation.doubt.lasting_errors import NONE, estimate_lasting_errors
-from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS
+from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, select_directions
+from adhesion_can.estimation.doubt.settings import DoubtSettings
 from adhesion_can.estimation.noise.settings import NoiseSettings
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.samples import Samples
 
+LOOK_ALIKE = frozenset({SPEED_SCALE, EFFORT_BIAS, TRACTION})
+"""Directions of the residual that these errors lie in."""
 SPEED_PRIOR, BIAS_PRIOR = 0.02, 20.0
 """Plausible sizes of both before the data show them: several times those of an instrument."""
 
@@ -68,7 +72,10 @@ def estimate_shared_errors(
     changes_us: Sequence[int] = (),
     noise: NoiseSettings | None = None,
 ) -> SharedErrors | None:
-    """Errors of speed and efforts that all axles share; None where there are too few samples.
+    """Errors of speed and efforts that all axles share.
+
+    None where there are too few samples, or where the residual depends on more than these errors:
+    they would then take the place of what is not modelled.
 
     Args:
         samples: Samples of a drive in the order of their stamps.
@@ -90,6 +97,9 @@ def estimate_shared_errors(
         return None
     series, curve = latest
     reduced = series.reduced(curve)
+    selection = select_directions(reduced, directions, DoubtSettings())
+    if not LOOK_ALIKE.issuperset(selection.names):
+        return None
     lasting = estimate_lasting_errors(reduced, reduced.current) or NONE
     scale, bias = CURVE + names.index(SPEED_SCALE), CURVE + names.index(EFFORT_BIAS)
     fit = fit_jointly(

@@ -3,7 +3,7 @@
 from adhesion_can.config import Configuration
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.physics.channels import channel_label
-from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
+from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 from adhesion_can.reporting.next_steps.quantities import Meaning, describe_cause
 
 WHEEL_RADIUS = "wheel_radius"
@@ -76,14 +76,18 @@ def _action(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
     planned = found.next_drive
     if planned is not None and planned.plan is not None:
         plan = typed.outputs.get("--next-drive", PLAN)
-        drive = typed.command("control", "--plan", plan, "-i", "INTERFACE", "-c", "CHANNEL")
-        return f"drive the plan with {drive}, then {_together(typed)}"
+        drive = typed.command("control", "--plan", plan, *LIVE)
+        return (
+            f"drive the plan with {drive} (simulated: 'simulate --closed-loop --plan {plan}'), "
+            f"then {_together(typed)}"
+        )
     if found.verdict is Verdict.UNEXPLAINED:
         return _after_unexplained(found, typed)
     if found.verdict is Verdict.NAMED:
         return _after_named(found, typed, meanings)
     if found.conclusive:
-        return typed.on_inputs("identify")
+        # The curve explains these data: nothing is left to look for.
+        return typed.on_inputs("identify") if typed.tables else typed.command("run", *LIVE)
     return f"record a longer drive with more excitation, then {_together(typed)}"
 
 

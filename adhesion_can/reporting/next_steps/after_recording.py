@@ -3,20 +3,18 @@
 from collections.abc import Mapping, Sequence
 
 from adhesion_can.diagnosis.evaluate import Evaluation
-from adhesion_can.estimation.batch_result import BatchResult
+from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import WORDINGS, Objection
-from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
+from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 
 LASTS = 0.05
 """Share of the time from which an objection comes first: a step of all efforts is objected to until
 slip or vehicle speed answer it, and a rail that changes does that."""
 BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
-LIVE = ("-i", "INTERFACE", "-c", "CHANNEL")
-"""Options of a bus, for the user to fill in."""
 
 
 def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> NextStep:
@@ -41,6 +39,10 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
             "add the missing roles or columns, then " + typed.on_inputs("check"),
         )
     if not any(_has_peak(fit) for fit in fits):
+        if any(_is_hidden(segment) for fit in fits for segment in fit.segments):
+            return NextStep(
+                "The data are readable, but no peak is identifiable.", typed.on_inputs("diagnose")
+            )
         return NextStep(
             "The data are readable, but no peak is identifiable.",
             f"{BEYOND}, then {typed.command('check', typed.new_file('NEW'))}",
@@ -58,8 +60,10 @@ def after_identification(found: BatchResult, typed: Typed) -> NextStep:
 
     """
     known = [one.estimate for one in found.segments if one.estimate.identifiable.both]
+    if not known and not any(map(_is_hidden, found.segments)):
+        again = typed.command("identify", typed.new_file("NEW"))
+        return NextStep("The data do not show a peak.", f"{BEYOND}, then {again}")
     if not known:
-        # A faulty instrument hides a peak as small slips do: only the diagnosis distinguishes them.
         return NextStep("No peak is identifiable.", typed.on_inputs("diagnose"))
     count = f"{len(known)} of {len(found.segments)} surfaces have a peak"
     finding = f"{_peak(known[0])}." if len(found.segments) == 1 else f"{count}."
@@ -117,13 +121,16 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
         return NextStep("The model's effects hold on these data.", typed.on_inputs(name, *model))
     harm = refitted.interval[1] < 0.0
     finding = (
-        ("make the prediction worse on these data")
-        if harm
-        else "have no certain gain on these data"
+        "make the prediction worse on these data" if harm else "have no certain gain on these data"
     )
     return NextStep(
         f"The model's effects {finding}.", typed.on_inputs("diagnose", "--extended", "NEW.toml")
     )
+
+
+def _is_hidden(segment: Segment) -> bool:
+    """Whether slips reach a peak that an error of an instrument or of the model may hide."""
+    return segment.missing.by_noise or bool(segment.directions.sentence)
 
 
 def _has_peak(fit: BatchResult) -> bool:

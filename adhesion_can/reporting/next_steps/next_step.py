@@ -92,6 +92,8 @@ class Typed:
         return stem + "".join(suffixes[-1:])
 
 
+LIVE = ("-i", "INTERFACE", "-c", "CHANNEL")
+"""Options of a bus, for the user to fill in."""
 _WITH_COLUMNS = ("check", "diagnose", "evaluate", "identify")
 """Commands that read tables."""
 _PACKED = (".gz", ".zst")
