@@ -52,6 +52,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="CONFIG.toml", help="file to write (default: stdout)"
     )
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace the file of --out, with edits in it",
+    )
     parser.add_argument("--yes", action="store_true", help="take the clear guesses and ask nothing")
     for key, (option, unit, _) in _OPTIONS.items():
         parser.add_argument(option, dest=key, type=float, metavar=unit, help=_meaning(key))
@@ -64,6 +69,12 @@ def run(options: argparse.Namespace) -> int:
     for key, value in given.items():
         require_positive(value, _OPTIONS[key][0], _OPTIONS[key][2])
     require_outputs(options, {"--out": options.out})
+    if options.out is not None and options.out.is_file() and not options.overwrite:
+        raise InputError(
+            f"--out {options.out}",
+            "exists, and may have your edits",
+            "choose another name, or pass --overwrite",
+        )
     database = load_database(options.dbc, lenient=options.lenient)
     tell_left_out(database)
     guessed = guess_roles(database.db.messages)

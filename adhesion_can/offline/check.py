@@ -202,6 +202,11 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     return result
 
 
+def _required(result: CheckResult) -> list[MessageRecord]:
+    """Records of the messages without which there is no adhesion."""
+    return [r for r in result.receiver.records if r.message.roles & REQUIRED]
+
+
 def _check_messages(result: CheckResult, hole: Hole | None, holes: int, times: TimeScale) -> None:
     """Rates, gaps and faults of each message.
 
@@ -213,6 +218,12 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int, times: T
         times: Scale of the times in the sentences.
 
     """
+    if len(result.samples) == 0 and not any(r.accepted for r in _required(result)):
+        names = ", ".join(r.message.plan.name for r in _required(result))
+        result.failures.append(
+            f"no frame of the required messages ({names}) is accepted: is this the database of the "
+            "recording? --config gives its configuration"
+        )
     if hole is not None:
         result.failures.append(
             f"no frames for {hole.length_us / 1e6:.0f} s, from "

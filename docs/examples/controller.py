@@ -52,14 +52,14 @@ class SetpointReceiver:
         self.latest_us = t_us
         mu_max, lambda_m, creep = first, second, third
         if NOT_AVAILABLE in (mu_max, lambda_m, creep):
-            self.slip, self.why = CAUTIOUS_SLIP, "no value: fall back to the drive's own control"
+            self.slip, self.why = CAUTIOUS_SLIP, "no value: the drive's own control holds it"
         elif status_or_doubt == SURFACE_CHANGE:
             self.slip, self.why = CAUTIOUS_SLIP, "the rail changed: ease off, then probe"
         elif status_or_doubt != TRACKING or self.doubt not in (NO_DOUBT, 15):
             self.slip, self.why = 0.5 * lambda_m * 1e-5, "the peak is not sure: stay well below it"
         else:
-            # The wider it is, the further below the peak: one standard deviation.
-            self.slip = max(lambda_m * 1e-5 - self.lambda_m_std, CAUTIOUS_SLIP)
+            # The wider it is, the further below the peak: one standard deviation, at most half.
+            self.slip = max(lambda_m * 1e-5 - self.lambda_m_std, 0.5 * lambda_m * 1e-5)
             wide = self.lambda_m_std > WIDE * lambda_m * 1e-5
             self.why = "the peak is known roughly: stay one standard deviation below it"
             if not wide:

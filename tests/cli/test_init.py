@@ -101,7 +101,7 @@ def test_rivals_are_asked_and_empty_answers_leave_them_open(tmp_path, monkeypatc
     assert document["vehicle"]["axle_load_N"] == 90000
     assert document["vehicle"]["train_mass_kg"] == "fill in"
     monkeypatch.setattr(sys, "stdin", Terminal(""))
-    assert main(["init", "--dbc", str(dbc), "--out", str(out)]) == 0
+    assert main(["init", "--dbc", str(dbc), "--out", str(out), "--overwrite"]) == 0
     assert "vehicle_speed" not in tomllib.loads(out.read_text())["roles"]
     assert "# vehicle_speed: unclear; uncomment the right line, if any" in out.read_text()
 
@@ -153,7 +153,7 @@ def test_a_yes_gives_each_axle_its_share(motors, tmp_path, monkeypatch, capsys):
     roles = tomllib.loads(out.read_text())["roles"]
     assert roles["tractive_effort.3"] == {"signal": "Motor2.Mot2_Effort", "factor": 0.5}
     monkeypatch.setattr(sys, "stdin", Terminal("\n"))
-    assert main(words) == 0
+    assert main([*words, "--overwrite"]) == 0
     assert "tractive_effort.3" not in tomllib.loads(out.read_text())["roles"]
 
 
@@ -197,3 +197,15 @@ def test_errors_of_the_instruments_stand_with_the_values_that_hold(tmp_path, loa
     stated = text.replace("# effort_bias_std", "effort_bias_std")
     (tmp_path / "stated.toml").write_text(stated)
     assert load_configuration(tmp_path / "stated.toml").estimators.instruments.used_bias_std > 0
+
+
+def test_a_file_with_edits_in_it_is_not_replaced(tmp_path, capsys):
+    out = tmp_path / "own.toml"
+    words = ["init", "--dbc", str(TRAM), "--yes", "--out", str(out)]
+    assert main(words) == 0
+    out.write_text(edited := out.read_text() + "# mine\n")
+    assert main(words) == 2
+    assert f"--out {out}: exists, and may have your edits" in capsys.readouterr().err
+    assert out.read_text() == edited
+    assert main([*words, "--overwrite"]) == 0
+    assert "# mine" not in out.read_text()

@@ -168,3 +168,15 @@ def test_axles_that_share_a_signal_need_their_factors(tmp_path, capsys):
     for words in (simulate_words, ["replay", str(log)]):
         assert main([*words, "--config", str(path)]) == 2
         assert says in capsys.readouterr().err
+
+
+def test_axles_that_share_an_effort_cannot_move_by_themselves(tmp_path):
+    path = own(tmp_path)
+    text = path.read_text()
+    for axle, source in ((1, 1), (2, 1)):
+        shared = f'{{ signal = "Bogie{source}.Force{source}", factor = 0.5 }}'
+        text = text.replace(f'= "Bogie{axle}.Force{axle}"', f"= {shared}")
+    path.write_text(text)
+    load_configuration(path).require_identification()
+    with pytest.raises(ConfigError, match=r"tractive_effort\.1 and tractive_effort\.2 share"):
+        simulate("dry", 1.0, configuration=path)
