@@ -500,7 +500,7 @@ def test_bad_inputs_are_one_line_each(car, tmp_path, capsys):
         ("time_s,a,b\n1,2,3\n", "more than one column (a, b)"),
         ("time_s,a\n1,2\n2,x\n", "bad.csv:3"),
         ("time_s,a\n1,2\n2\n", "bad.csv:3"),
-        ("time_s,a\nnan,2\n", "no time"),
+        ("time_s,a\nnan,2\n", "not a time"),
         ("time_s,a\n1,nan\n2,\n", "has no numbers"),
         ("time_s,a\n", "has no numbers"),
         ("time_s,a\n2,1\n1,1\n", "run backwards"),
