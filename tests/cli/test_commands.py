@@ -454,7 +454,7 @@ def test_an_empty_log(capsys, tmp_path):
 
 def test_a_file_of_another_kind(capsys, tmp_path):
     (tmp_path / "x.pdf").write_bytes(b"%PDF-1.7 \x00\x01")
-    assert "a document, no recording" in fails(capsys, "replay", tmp_path / "x.pdf")
+    assert "a document, not a recording" in fails(capsys, "replay", tmp_path / "x.pdf")
     (tmp_path / "x.xyz").write_bytes(b"whatever \x00\x01")
     assert "not candump text" in fails(capsys, "replay", tmp_path / "x.xyz")
     assert "write it to a file" in fails(capsys, "replay", "-")

@@ -716,7 +716,7 @@ def test_lines_that_python_can_warns_of_are_reported_once(tmp_path, capfd):
     path.write_text("\n".join(lines))
     items, report = read_both_ways(path)
     assert len(items) == 20
-    logged, counted = sorted(report.notes)
+    counted, logged = sorted(report.notes)
     assert logged.startswith("python-can reports 2 warnings")
     assert "'what'" in logged
     assert "3 of 23 lines" in counted  # of one of them it logs nothing
@@ -736,7 +736,7 @@ def test_a_reader_that_is_left_early_tells_its_warnings_and_listens_no_more(tmp_
     logging.getLogger("can.interfaces").warning("of something else")
     frames.close()
     (note,) = recording.report.notes
-    assert note.startswith("python-can gives a warning")
+    assert note.startswith("python-can reports a warning")
     assert len(note) < 200
     assert not logging.getLogger("can.io").handlers
 

@@ -11,8 +11,8 @@ from adhesion_can.reporting.evaluation import verdict
     ("percent", "interval", "said", "not_said"),
     [
         (-45.9, (-51.4, -40.6), "worse here: the whole interval is below 0", "includes 0"),
-        (-2.0, (-6.0, 1.0), "not certain: the interval includes 0", "harm"),
-        (3.0, (-1.0, 7.0), "not certain: the interval includes 0", "harm"),
+        (-2.0, (-6.0, 1.0), "the interval of the gain includes 0", "harm"),
+        (3.0, (-1.0, 7.0), "the interval of the gain includes 0", "harm"),
         (30.0, (25.0, 35.0), "below the plain curve's", "not certain"),
     ],
 )
