@@ -60,7 +60,7 @@ def test_the_command_prints_table_values_and_verdict(realdata, capsys):
     printed = capsys.readouterr().out
     assert "polach: kA 0.85" in printed
     assert "61 % of the stiffness of a clean contact" in printed
-    assert "Held out: each of 140 points" in printed
+    assert "Held out: 140 points, each predicted" in printed
     assert main(["identify", path]) == 0
     assert "Curve families" not in capsys.readouterr().out
 
