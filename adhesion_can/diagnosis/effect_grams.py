@@ -73,7 +73,8 @@ class EffectGrams:
         blocks: Number of blocks of time.
         rmse: RMSE of the adhesion with the plain curves.
         fits: Size of an effect by the nonlinear fit of it alone beside the curves, by its place in
-            `keys`; effects without a clear size, or at the end of their range, have none.
+            `keys`; below two standard errors the size to first order. Effects at the end of their
+            range have none.
 
     """
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from adhesion_can.diagnosis.effect_grams import EffectKey
 from adhesion_can.diagnosis.formatting import effect_name
-from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.compute_effect_grams import CLEAR
 from adhesion_can.fleet.effect_sizes import Sizes, place_of, remove_effects
 from adhesion_can.fleet.evidence import CauseSize, UnitEvidence
@@ -154,17 +153,13 @@ def size_in_unit(unit: UnitEvidence, key: EffectKey, others: Sizes) -> UnitSize 
         return _size(unit, named.value, named.std, SizeSource.DIAGNOSIS)
     grams = unit.grams
     place = None if grams is None else place_of(grams, key)
-    if grams is None or place is None or grams.absorbed[place] >= IMITATED:
+    if grams is None or place is None or place not in grams.fits:
         return None
-    left = remove_effects(grams, others)
-    linear, std = float(left.size[place]), float(grams.std[place])
-    if place in grams.fits:
-        fitted = grams.fits[place]
-        moved = linear - float(grams.size[place])
-        return _size(unit, fitted.value + moved, fitted.std, SizeSource.FIT)
-    if abs(grams.size[place]) < CLEAR * std:  # False for NaN
-        return _size(unit, linear, std, SizeSource.FIRST_ORDER)
-    return None
+    estimate = grams.fits[place]
+    moved = float(remove_effects(grams, others).size[place] - grams.size[place])
+    clear = abs(grams.size[place]) >= CLEAR * grams.std[place]
+    source = SizeSource.FIT if clear else SizeSource.FIRST_ORDER
+    return _size(unit, estimate.value + moved, estimate.std, source)
 
 
 def sizes_by_diagnosis(units: Sequence[UnitEvidence]) -> dict[EffectKey, list[UnitSize]]:

@@ -208,8 +208,8 @@ EFFECTS = TableSchema(
             "the curves imitate all of it"),
         Column("std", "double", "its standard error from the spread over blocks, in `unit`"),
         Column("fitted_value", "double",
-            "its size from the nonlinear fit, in `unit`; none if `value` is below two standard "
-            "errors, or if the fit ends at the end of its range"),
+            "its size from the nonlinear fit, in `unit`, or `value` if that is below two standard "
+            "errors; none if the fit ends at the end of its range"),
         Column("fitted_std", "double", "standard error of `fitted_value`, in `unit`"),
         Column("absorbed", "double", "share of its signature that the curves can imitate", "1",
                required=True),

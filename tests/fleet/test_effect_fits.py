@@ -55,15 +55,19 @@ def drawn(folder, hidden, seed, drive=0):
 
 
 def pooled_deviations(folder, hidden, seeds, drives):
-    """Pooled size of each seed less the truth, in its standard errors, and relative to it."""
+    """Pooled size of each seed less the truth, in its standard errors, and relative to it.
+
+    A fleet without a single estimate has no pooled size: sand was never strewn, for example.
+    """
     (truth,), key = hidden.parameters.values(), KEYS[hidden.effect]
     deviations, errors = [], []
     for seed in seeds:
         units = [drawn(folder, hidden, seed, drive) for drive in range(drives)]
         sizes = [size_in_unit(unit, key, {}) for unit in units]
         pooled = pool_sizes(key, [one for one in sizes if one is not None], 0.0)
-        deviations.append((pooled.value - truth) / pooled.std)
-        errors.append(pooled.value / truth - 1.0)
+        if pooled is not None:
+            deviations.append((pooled.value - truth) / pooled.std)
+            errors.append(pooled.value / truth - 1.0)
     return np.abs(deviations), np.abs(errors)
 
 
@@ -79,11 +83,23 @@ def test_a_size_is_not_that_of_the_first_order(tmp_path, hidden):
     assert abs(found.value - truth) < 0.5 * abs(unit.grams.size[place] - truth)
 
 
+def test_a_residual_over_a_flat_slope_is_no_error_of_the_slip(tmp_path):
+    """Slips are corrected by up to 4e7 here; the size was 0 with an error of 1e-6 of the truth."""
+    hidden = HIDDEN[0]
+    found = size_in_unit(drawn(tmp_path, hidden, 8, 1), KEYS[hidden.effect], {})
+    assert abs(found.value / 4e-12 - 1.0) < 0.03
+    assert 1e-3 < found.std / 4e-12 < 0.05
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("hidden", HIDDEN, ids=lambda one: one.effect)
 def test_pooled_sizes_cover_the_truth(tmp_path, hidden):
-    """Of 20 fleets of two drives: within 2 standard errors at least 14, within 3 at least 17."""
+    """Of 20 fleets of two drives: 4 in 5 within 2 standard errors of the truth, 9 in 10 within 3.
+
+    Some 18 and 19 do.
+    """
     deviations, errors = pooled_deviations(tmp_path, hidden, range(20), 2)
-    assert np.count_nonzero(deviations < 2.0) >= 14
-    assert np.count_nonzero(deviations < 3.0) >= 17
+    assert len(deviations) >= 18
+    assert np.mean(deviations < 2.0) >= 0.8
+    assert np.mean(deviations < 3.0) >= 0.9
     assert np.median(errors) < 0.01

@@ -47,12 +47,12 @@ def test_what_a_recording_itself_names_comes_before_the_fit_of_the_effect_alone(
         assert (own.value, own.std, own.source) == (0.5, 0.01, SizeSource.FIT)
 
 
-def test_a_clear_size_of_the_first_order_alone_is_no_size():
+def test_a_unit_without_a_fit_has_no_size_and_one_below_two_errors_says_so():
     assert size_in_unit(unit(), KEY, {}) is None
-    nothing = Fleet(vehicles=1, drives=1).draw(2)[0]
-    found = [size_in_unit(nothing, key, {}) for key in KEYS]
-    z = np.abs(nothing.grams.size / nothing.grams.std)
-    assert [one is not None for one in found] == list(z < 2.0)
+    nothing = unit(fits={1: SizeEstimate(0.01, 0.01)})
+    nothing = replace(nothing, grams=replace(nothing.grams, score=0 * nothing.grams.score))
+    own = size_in_unit(nothing, KEY, {})
+    assert (own.value, own.source) == (0.01, SizeSource.FIRST_ORDER)
 
 
 def test_a_fit_is_moved_by_what_acts_beside():

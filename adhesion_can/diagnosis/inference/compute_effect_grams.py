@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.effect_grams import (
     EffectGrams,
     EffectKey,
@@ -29,6 +30,8 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
 CLEAR = 2.0
 """Size in its standard errors from which an effect is fitted: a smaller one is bent by a fraction
 of its standard error."""
+LARGEST_CORRECTION = 0.05
+"""Largest correction of a slip ratio that errors of the speeds explain."""
 SETTLED = 1.0
 """Largest step that is left where a fit has settled, in standard errors; it is taken to first
 order."""
@@ -42,30 +45,62 @@ def compute_effect_grams(prepared: PreparedRegression, rmse: float) -> EffectGra
         rmse: RMSE of the adhesion with the plain curves.
 
     """
-    regression = prepared.regression.all_data
+    regression = _with_plausible_slips(prepared.regression.all_data)
     columns = regression.build_columns(prepared.plain.model)
     curve = columns.shape[1] - 1
-    signatures = np.column_stack([np.empty((len(columns), 0)), *prepared.signatures])
+    signatures = np.column_stack(
+        [np.empty((len(columns), 0)), *_compute_signatures(regression, prepared)]
+    )
     white = regression.whiten(signatures)
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))
     keys = tuple(_key(candidate) for candidate in prepared.candidates)
     found = project_grams(grams, curve, keys, rmse)
-    return replace(found, fits=_fit_clear_sizes(regression, prepared, found))
+    return replace(found, fits=_estimate_sizes(regression, prepared, found))
 
 
-def _fit_clear_sizes(
+def _estimate_sizes(
     regression: WhitenedRegression, prepared: PreparedRegression, found: EffectGrams
 ) -> dict[int, SizeEstimate]:
-    """Sizes of the effects that are clear, each fitted alone beside the curves, by their place."""
+    """Sizes that are not linearised where that matters, by the effect's place."""
     size, std = found.size, found.std
-    fits = {}
+    sizes: dict[int, SizeEstimate] = {}
     for place, candidate in enumerate(prepared.candidates):
-        clear = abs(size[place]) >= CLEAR * std[place]  # False for NaN
-        if clear and found.absorbed[place] < IMITATED:
-            estimate = _fit_size(regression, prepared, candidate, float(size[place]))
-            if estimate is not None:
-                fits[place] = estimate
-    return fits
+        value, error = float(size[place]), float(std[place])
+        if found.absorbed[place] >= IMITATED or not error > 0.0:
+            continue
+        if abs(value) < CLEAR * error:
+            sizes[place] = SizeEstimate(value, error)
+            continue
+        fitted = _fit_size(regression, prepared, candidate, value)
+        if fitted is not None:
+            sizes[place] = fitted
+    return sizes
+
+
+def _with_plausible_slips(regression: WhitenedRegression) -> WhitenedRegression:
+    """The regression with the slips as measured where their correction is no error of a speed.
+
+    A residual over a flat slope is taken for a huge error of the slip. Where an effect leaves large
+    residuals, corrected slips lie far outside of any curve, and its value there decides everything.
+    """
+    correction = regression.slip_correction
+    plausible = np.abs(correction) <= LARGEST_CORRECTION
+    if plausible.all():
+        return regression
+    return replace(regression, slip_correction=np.where(plausible, correction, 0.0))
+
+
+def _compute_signatures(
+    regression: WhitenedRegression, prepared: PreparedRegression
+) -> tuple[Array, ...]:
+    """Signatures of all candidates: those of the prepared regression where the slips are its."""
+    if regression.slip_correction is prepared.regression.slip_correction:
+        return prepared.signatures
+    model = prepared.plain.model
+    known = regression.evaluate_corrected(model)
+    return tuple(
+        regression.compute_signature(model, one, known=known) for one in prepared.candidates
+    )
 
 
 def _fit_size(
