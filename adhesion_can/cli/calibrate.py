@@ -162,14 +162,14 @@ def run(options: argparse.Namespace) -> int:
         )
         with whole_file(options.out) as file:
             file.write(text)
-    lines = []
+    lines = [] if options.out is None else [f"written: {options.out}"]
     if is_asked_for(options):
         said = page_provenance(origin, options)
         names = [recording.path.name for recording in recordings]
         made = CoastingPlots.build(drives, names, config.vehicle, settings, result)
         about = [agreement, *speed_lines(result, settings), *notes, *problems]
         report = page(result, made, rim, about, said)
-        lines = write_report(replace(report, next_step=step.line), options)
+        lines += write_report(replace(report, next_step=step.line), options)
     if talk(options):
         out = console()
         out.print(radius_table(result, rim))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,7 +16,7 @@ from adhesion_can.physics.effects import forms_of_effect, known_effects
 from adhesion_can.physics.objection import Objection
 from adhesion_can.reporting.next_steps.after_calibration import after_calibration
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
-from adhesion_can.reporting.next_steps.after_recording import after_replay
+from adhesion_can.reporting.next_steps.after_recording import after_evaluation, after_replay
 from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
 from adhesion_can.reporting.next_steps.quantities import describe_cause
 from tests.reporting.test_diagnosis_report import estimate, named, nothing, unexplained
@@ -197,3 +198,18 @@ def test_radii_agree_or_are_written():
 )  # fmt: skip
 def test_what_follows_a_replay(doubts, objections, last, wanted):
     assert wanted in after_replay(last, doubts, objections, LOG).line
+
+
+@pytest.mark.parametrize(
+    ("percent", "interval", "said"),
+    [
+        (12.0, (8.0, 15.0), "The model's effects hold on these data. Next: adhesion-can replay"),
+        (0.1, (0.05, 0.15), "hardly act on these data: gain 0.1 %. Next: record a drive in which"),
+        (3.0, (-1.0, 6.0), "have no certain gain on these data. Next: adhesion-can diagnose"),
+        (-9.0, (-12.0, -3.0), "make the prediction worse on these data. Next: adhesion-can"),
+    ],
+)
+def test_a_model_holds_only_where_its_effects_act(percent, interval, said):
+    gain = SimpleNamespace(percent=percent, interval=interval)
+    found = SimpleNamespace(total=SimpleNamespace(refitted=gain))
+    assert said in after_evaluation(found, LOG).line

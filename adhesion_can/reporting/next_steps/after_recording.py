@@ -14,6 +14,8 @@ from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 LASTS = 0.05
 """Share of the time from which an objection comes first: a step of all efforts is objected to until
 slip or vehicle speed answer it, and a rail that changes does that."""
+LEAST_GAIN = 0.5
+"""Gain of a model below which data hardly show its effects, %."""
 BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
 
 
@@ -115,8 +117,14 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
 
     """
     refitted = found.total.refitted
+    model = () if typed.model is None else ("--model", typed.model)
+    if 0.0 < refitted.percent < LEAST_GAIN and refitted.interval[0] > 0.0:
+        again = typed.command("evaluate", typed.new_file("OTHER"), *model)
+        return NextStep(
+            f"The model's effects hardly act on these data: gain {refitted.percent:.1f} %.",
+            f"record a drive in which they act, then {again}",
+        )
     if refitted.percent > 0.0 and refitted.interval[0] > 0.0:
-        model = () if typed.model is None else ("--model", typed.model)
         name = "identify" if typed.tables else "replay"
         return NextStep("The model's effects hold on these data.", typed.on_inputs(name, *model))
     harm = refitted.interval[1] < 0.0
