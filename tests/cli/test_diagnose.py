@@ -122,7 +122,10 @@ def test_logs_go_in_as_drives_and_page_json_and_model_come_out(logs, engine, tmp
     assert document["problems"] == []
 
     elements = nothing_is_loaded(html.read_text())
-    assert elements.texts("h2") == ["Result", *SECTIONS]
+    # Logs have their signals over time beside what a table has.
+    at = SECTIONS.index("Residual")
+    headings = [*SECTIONS[:at], "Drives over time", *SECTIONS[at:]]
+    assert elements.texts("h2") == ["Result", *headings]
     text = " ".join(elements.text.values())
     assert document["command"] in text
     assert file_sha256(logs[1]) in text
@@ -169,7 +172,7 @@ def test_tables_go_in_with_their_covariates_and_lost_rows_are_told(tables, engin
     (drive,), (held,) = engine.drives, engine.holdout
     assert (drive.name, len(drive), len(held)) == ("t1.csv", 400, 400)
     assert "oil_film_um" in drive.covariates
-    assert "t1.csv: 1 of 401 rows without a finite time" in capsys.readouterr().out
+    assert "t1.csv: dropped 1 of 401 rows without a finite time" in capsys.readouterr().out
 
 
 def test_files_of_one_name_are_told_apart(engine, tmp_path):
@@ -306,7 +309,10 @@ def test_the_engine_itself_answers(tmp_path, capsys):
     assert "wheel_radius" in {cause["effect"] for cause in document["causes"]}
     assert "wheel_radius" in read_model(model).names[0]
     elements = nothing_is_loaded((tmp_path / "r.html").read_text())
-    assert elements.texts("h2") == ["Result", *SECTIONS]
+    # Logs have their signals over time beside what a table has.
+    at = SECTIONS.index("Residual")
+    headings = [*SECTIONS[:at], "Drives over time", *SECTIONS[at:]]
+    assert elements.texts("h2") == ["Result", *headings]
     capsys.readouterr()
     # The model that was written is one that the others read.
     assert main(["identify", str(log), "--model", str(model), "--json", "-"]) == 0

@@ -161,7 +161,7 @@ def test_replay_says_the_figure_and_no_frame_depends_on_it(biased, capsys, tmp_p
     (first, text), (second, document) = answers
     assert first == second
     rmse = json.loads(document)["fit"]["rmse"]
-    assert f"RMSE of the adhesion about one curve: {rmse:.4f}" in text
+    assert f"RMSE of the adhesion around one curve: {rmse:.4f}" in text
     assert main(["replay", str(biased.log), "--to", "0.2"]) == 0
     assert "Too few samples" in capsys.readouterr().out
 

@@ -117,7 +117,7 @@ def test_a_mistake_is_one_line_that_names_the_mend(folder, monkeypatch, capsys, 
 
 
 FOUND = {
-    "check drive.log --dbc rpm.dbc": "wheel_speed: it may be in rad/s, not in rpm",
+    "check drive.log --dbc rpm.dbc": "it may be in rad/s, not in rpm",
     "check ms.csv": "if the column is in ms, pass --column time_s=time_s,unit=ms",
     "check us.csv": "if the column is in us, pass --column time_s=time_s,unit=us",
 }

@@ -36,7 +36,7 @@ def test_a_late_column_is_told_with_its_delay(seed, late_s):
     t_us, slip, adhesion, _ = drive(seed, late_s)
     (finding,) = inspect_delay(t_us, slip, adhesion)
     late, early = ("force", "slip") if late_s > 0 else ("slip", "force")
-    assert f"the {late} comes {abs(late_s):.3g} s after the {early}" in finding.what
+    assert f"the {late} lags the {early} by {abs(late_s):.3g} s" in finding.what
     # What `diagnose` can test is told; beyond it no answer is honest.
     assert finding.fatal is (abs(late_s) > 0.5)
 
@@ -62,7 +62,7 @@ def test_the_ratio_is_the_share_of_the_axles_that_drive(seed, share):
 def test_a_speed_in_another_unit_changes_too_fast(seed):
     t_us, _, adhesion, speed = drive(seed, driven_share=0.5)
     (finding,) = inspect_acceleration(t_us, 3.6 * speed, adhesion)
-    assert "1.8 times as fast" in finding.what
+    assert "1.8 times faster than this adhesion" in finding.what
     assert "unit=km/h" in finding.mend
 
 
