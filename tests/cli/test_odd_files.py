@@ -87,7 +87,8 @@ def test_an_empty_file_is_an_error_and_nothing_is_written(command, tmp_path, cap
     monkeypatch.chdir(tmp_path)
     for name, content in (("e.log", b""), ("e.log.gz", gzip.compress(b"")), ("n.log", b"\n# x\n")):
         (tmp_path / name).write_bytes(content)
-        assert "no frames" in fails(capsys, *command, name)
+        said = "it has no data frames;" if command == CONVERT else "it has no frames;"
+        assert f"{name}: {said}" in fails(capsys, *command, name)
     assert not (tmp_path / "o.csv").exists()
 
 
