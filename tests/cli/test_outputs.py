@@ -53,14 +53,14 @@ def state(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-INPUT, TOO = "is one of the inputs", "too; name another file"
+INPUT, TOO = "is one of the inputs; name another file", "is also the file of --out .csv; name another file"
 REFUSED = [
     ("replay drive.log --frames drive.log", "--frames drive.log: is one of"),
     ("replay drive.log --json drive.log", INPUT),
     ("replay drive.log --table hard.csv", INPUT),
     ("replay drive.log --frames soft.log", INPUT),
     ("replay soft.log --frames folder/../drive.log", INPUT),
-    ("replay drive.log --frames a.log --json ./a.log", "is the file of --frames too"),
+    ("replay drive.log --frames a.log --json ./a.log", "is also the file of --frames"),
     ("replay drive.log --config c.toml --json c.toml", INPUT),
     ("replay drive.log --config c.toml --json own.dbc", INPUT),
     ("replay drive.log --dbc own.dbc --frames own.dbc", INPUT),
@@ -73,26 +73,29 @@ REFUSED = [
     ("calibrate drive.log --json drive.log", INPUT),
     ("calibrate drive.log --speed hard.csv --json hard.csv", INPUT),
     ("calibrate drive.log --config c.toml --json c.toml", INPUT),
-    ("calibrate drive.log --config c.toml --out c.toml --json c.toml", "is the file of --out too"),
+    ("calibrate drive.log --config c.toml --out c.toml --json c.toml", "is also the file of --out"),
     ("diagnose drive.log --extended soft.log", INPUT),
-    ("diagnose drive.log --json a --html a", "is the file of --html too"),
+    ("diagnose drive.log --json a --html a", "is also the file of --html"),
     ("convert drive.log --out hard.csv", INPUT),
     ("convert drive.log --out a.csv --json soft.log", INPUT),
     ("convert drive.log --out a.csv --dbc own.dbc --json own.dbc", INPUT),
-    ("simulate --scenario dry --log a.log --truth a.log", "is the file of --log too"),
+    ("simulate --scenario dry --log a.log --truth a.log", "is also the file of --log"),
     ("simulate --scenario dry --log c.toml --config c.toml", INPUT),
     ("run -i virtual -c x --log c.toml --config c.toml", INPUT),
-    ("run -i virtual -c x --log a --state a", "is the file of --log too"),
+    ("run -i virtual -c x --log a --state a", "is also the file of --log"),
     (
         "simulate --scenario dry --log a.BLF",
         "name it a.log, then convert it with 'can_logconvert a.log a.BLF'",
     ),
-    ("simulate --scenario dry --log a.db.b.db", "name it a.db.b.log, and let"),
+    (
+        "simulate --scenario dry --log a.db.b.db",
+        "name it a.db.b.log, then convert it with 'can_logconvert a.db.b.log a.db.b.db'",
+    ),
     ("run -i virtual -c x --log a.csv.gz", "the file is written as candump text"),
     ("replay drive.log --frames a.asc", "the file is written as candump text"),
-    ("replay drive.log --frames a.log.zst", "is compressed as .gz only; name it a.log.gz"),
+    ("replay drive.log --frames a.log.zst", "candump text is compressed as .gz only; name it a.log.gz"),
     ("monitor drive.log --plain --record a.mf4", "the file is written as candump text"),
-    ("demo --out folder --json folder/demo.log", "is the file of --out demo.log too"),
+    ("demo --out folder --json folder/demo.log", "is also the file of --out demo.log"),
     ("experiment 1 --out folder --json folder/experiment-1.csv", TOO),
 ]
 
