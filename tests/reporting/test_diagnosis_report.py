@@ -259,7 +259,7 @@ def test_much_that_is_left_is_not_called_noise():
 def test_an_effect_that_shows_and_is_not_named_is_not_called_noise():
     sure = nothing().evidence[0]
     sure = replace(sure, p_value=0.001, gain_percent=33.0)
-    why = "its size would be at least 1, as no such vehicle has it"
+    why = "its size would be about 1, but no such vehicle has more than 0.5"
     found = replace(
         nothing(), evidence=(sure,), untested=(Untested(sure.effect, why, rejected=True),)
     )

@@ -412,7 +412,7 @@ def test_a_missing_extra_is_told_with_the_line_that_mends_it(
 
 @pytest.mark.parametrize("name", ["a.xls", "a", "a.gz", "a.parquet.gz"])
 def test_a_format_that_nobody_knows_is_told(tmp_path, name):
-    with pytest.raises(InputError, match=r"--out .*known format"):
+    with pytest.raises(InputError, match=r"--out .*unknown format"):
         require_format(tmp_path / name, "--out")
 
 
