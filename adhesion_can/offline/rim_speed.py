@@ -21,7 +21,7 @@ wheel that slips can have it."""
 SLIPPING = (0.4, 2.5)
 """Ratios of wheels that slip heavily or spin."""
 _VEHICLE_UNIT = "check the unit of vehicle_speed"
-_WHEEL_UNIT = "check the unit of wheel_speed, and its factor for a gear"
+_WHEEL_UNIT = "check the unit of wheel_speed"
 MENDS: Mapping[float, str] = {
     -1.0: "the wheel speed has the opposite sign: change sign of wheel_speed",
     1 / 3.6: f"{_VEHICLE_UNIT}: it may be in km/h",

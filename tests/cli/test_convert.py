@@ -198,7 +198,10 @@ def test_several_channels_are_reported_and_one_can_be_taken(tmp_path, capsys):
     path.write_text("".join(line(k, 180, bytes(8), f"can{k % 3}") for k in range(9)))
     arguments = (path, "--dbc", CAR, "--out", tmp_path / "o.csv")
     assert convert(*arguments) == 0
-    assert "received on several channels (can0, can1, can2) and mixed: SPEED" in capsys.readouterr().out
+    assert (
+        "received on several channels (can0, can1, can2) and mixed: SPEED"
+        in capsys.readouterr().out
+    )
     assert convert(*arguments, "--channel", "can1") == 0
     assert [row["time_s"] for row in rows_of(tmp_path / "o.csv")] == [
         f"0.00000{k}000" for k in (1, 4, 7)
@@ -371,7 +374,10 @@ def test_a_recording_without_a_row_names_the_reason(tmp_path, capsys, lines, opt
         (("{log}", "--out", "{dir}/none/o.csv"), "its folder does not exist"),
         (("{log}", "--out", "{dir}/o.xls"), "unknown format"),
         (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/none/o.json"), "--json"),
-        (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/x/../o.csv"), "is also the file of --out"),
+        (
+            ("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/x/../o.csv"),
+            "is also the file of --out",
+        ),
         (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/o.csv"), "is one of the inputs"),
         (("{dir}/r.csv", "--out", "{dir}/r.csv"), "is one of the inputs"),
         (("{dir}/none.log", "--out", "{dir}/o.csv"), "No such file"),

@@ -100,7 +100,7 @@ def test_a_replay_says_how_long_there_was_doubt_and_why(log, tmp_path, capsys, s
     schedule(COMING_AND_GOING)
     replayed(log, tmp_path)
     assert (
-        "doubt 37.5 % of the time (adhesion depends on speed 25.0 %, axles differ 12.5 %): "
+        "doubt 37.5 % of the time (adhesion depends on speed (25.0 %), axles differ (12.5 %)): "
         "run `diagnose`\n"
     ) in capsys.readouterr().out
     schedule({1.0: Doubt.AXLE_LOAD})

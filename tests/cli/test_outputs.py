@@ -53,7 +53,8 @@ def state(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-INPUT, TOO = "is one of the inputs; name another file", "is also the file of --out .csv; name another file"
+INPUT = "is one of the inputs; name another file"
+TOO = "is also the file of --out .csv; name another file"
 REFUSED = [
     ("replay drive.log --frames drive.log", "--frames drive.log: is one of"),
     ("replay drive.log --json drive.log", INPUT),
@@ -93,7 +94,10 @@ REFUSED = [
     ),
     ("run -i virtual -c x --log a.csv.gz", "the file is written as candump text"),
     ("replay drive.log --frames a.asc", "the file is written as candump text"),
-    ("replay drive.log --frames a.log.zst", "candump text is compressed as .gz only; name it a.log.gz"),
+    (
+        "replay drive.log --frames a.log.zst",
+        "candump text is compressed as .gz only; name it a.log.gz",
+    ),
     ("monitor drive.log --plain --record a.mf4", "the file is written as candump text"),
     ("demo --out folder --json folder/demo.log", "is also the file of --out demo.log"),
     ("experiment 1 --out folder --json folder/experiment-1.csv", TOO),
