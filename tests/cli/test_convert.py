@@ -376,7 +376,7 @@ def test_a_recording_without_a_row_names_the_reason(tmp_path, capsys, lines, opt
         (("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/none/o.json"), "--json"),
         (
             ("{log}", "--out", "{dir}/o.csv", "--json", "{dir}/x/../o.csv"),
-            "is also the file of --out",
+            "also the file of --out",
         ),
         (("{log}", "--out", "{dir}/o.csv", "--dbc", "{dir}/o.csv"), "is one of the inputs"),
         (("{dir}/r.csv", "--out", "{dir}/r.csv"), "is one of the inputs"),

@@ -126,7 +126,7 @@ def test_a_replay_without_doubt_says_nothing_of_it(log, tmp_path, capsys, schedu
 
 
 def told(*doubts, status=Status.TRACKING):
-    """Lines about doubts that the narrator prints for setpoints 20 ms apart; times count from the first."""
+    """Lines about doubts that the narrator prints for setpoints 20 ms apart, from 0.00 s on."""
     file = io.StringIO()
     narrator = Narrator(file)
     for place, doubt in enumerate(doubts):
