@@ -234,7 +234,7 @@ def test_the_sentence_says_what_was_assumed():
     plan = plan_drive((one, SCALE), SETTING, PlanLimits())
     assert plan.plan is not None
     assert plan.plan.curve == pytest.approx((0.4, 1.5, 0.3))
-    assert "gets c2 = 1.5 in place of 1.2" in plan.sentence
+    assert "the controller gets c2 = 1.5 instead of 1.2." in plan.sentence
     assert plan_drive((BIAS, SCALE), SETTING, PlanLimits()).sentence.endswith(".")
 
 
