@@ -151,7 +151,9 @@ def test_an_estimator_is_made_by_its_name(installed):
     installed("adhesion_can.estimators", "theirs", make)
     config = load_configuration(None)
     assert type(config.make_estimator("theirs")) is type(config.make_estimator("rls"))
-    assert made == [config.estimators]
+    load = config.vehicle.axle_load[0]
+    instruments = config.estimators.instruments.on_load(load)
+    assert made == [replace(config.estimators, instruments=instruments)]
     assert [*known_estimators()] == [*ESTIMATORS, "theirs"]
     with pytest.raises(ConfigError, match="gradient, theirs"):
         config.make_estimator("nobodys")

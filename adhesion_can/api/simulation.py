@@ -141,7 +141,7 @@ def _require_own_efforts(config: Configuration) -> None:
             raise ConfigError(
                 f"{config.where}: roles",
                 f"{other.name} and {choice.name} share {choice.message}.{choice.signal}, and the "
-                "simulation moves every axle by itself",
+                "simulation moves every axle separately",
                 "map one axle of each motor, in a file of its own for 'simulate'",
             )
 

@@ -77,7 +77,9 @@ def test_the_curve_is_identified_from_the_frames_of_such_a_run(tmp_path):
     results = {n: adhesion_can.identify(log, curve=n).curves[0] for n in names}
     rmse = {n: results[n].families[0].fit.rmse for n in names}
     assert rmse["polach"] < 0.9 * rmse["burckhardt"]
-    assert results["polach"].families[0].score > results["burckhardt"].families[0].score + 0.1
+    assert results["polach"].families[0].log_density > (
+        results["burckhardt"].families[0].log_density + 0.1
+    )
     fit = results["polach"].families[0].fit
     surface = POLACH_RAIL[0]
     truth = surface.family.peak(surface.values, fit.conditions)
