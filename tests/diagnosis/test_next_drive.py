@@ -287,7 +287,7 @@ def test_no_sweep_is_quicker_than_what_smooths_a_late_speed(window_s, quick, mon
         ((BIAS,), PlanLimits(), "one explanation remains, effort_bias"),
         ((BIAS, SCALE), PlanLimits(effort_max=5e2), "no manoeuvre is within the limits"),
         ((explanation("slow_drift", -1e-7), explanation()), PlanLimits(duration_max=30.0),
-         "tells the plain curve from slow_drift"),
+         "distinguishes the plain curve from slow_drift"),
     ],
 )  # fmt: skip
 def test_where_nothing_tells_them_apart_there_is_no_plan(explanations, limits, said):
