@@ -16,14 +16,14 @@ class InputError(AdhesionCanError):
     Args:
         where: File, line, key or signal, as the user would look it up.
         what: Fault of the input.
-        mend: Advice how to fix it.
+        fix: Advice how to fix it.
 
     """
 
-    def __init__(self, where: str, what: str, mend: str) -> None:
+    def __init__(self, where: str, what: str, fix: str) -> None:
         # A key or a file name may hold a line break; the message may not.
-        self.where, self.what, self.mend = (" ".join(text.split()) for text in (where, what, mend))
-        super().__init__(f"{self.where}: {self.what}; {self.mend}")
+        self.where, self.what, self.fix = (" ".join(text.split()) for text in (where, what, fix))
+        super().__init__(f"{self.where}: {self.what}; {self.fix}")
 
 
 class ConfigError(InputError):

@@ -50,7 +50,7 @@ def regular_file(
     *,
     where: str = "",
     kind: type[InputError] = InputError,
-    mend: str = "check the path",
+    fix: str = "check the path",
 ) -> Iterator[BinaryIO]:
     """Open a file for reading; a pipe or a device is refused, and never waited for.
 
@@ -58,7 +58,7 @@ def regular_file(
         path: Path of the file.
         where: Name of the file in errors; '' for the path.
         kind: Class of the errors.
-        mend: Advice where the file cannot be read.
+        fix: Advice where the file cannot be read.
 
     Raises:
         InputError: The file cannot be read, or is a pipe or a device; of the class `kind`.
@@ -79,7 +79,7 @@ def regular_file(
         if error.errno == errno.ENXIO:  # of a socket
             what = "is a pipe or a device, not a file"
             raise kind(where, what, "write it to a file first") from error
-        raise kind(where, error.strerror or "cannot be read", mend) from error
+        raise kind(where, error.strerror or "cannot be read", fix) from error
 
 
 def read_small_file(
@@ -88,7 +88,7 @@ def read_small_file(
     *,
     where: str = "",
     kind: type[InputError] = InputError,
-    mend: str = "check the path",
+    fix: str = "check the path",
 ) -> bytes:
     """Content of a file that a user gives and that is small where it is the right one.
 
@@ -97,14 +97,14 @@ def read_small_file(
         largest: Largest size, bytes.
         where: Name of the file in errors; '' for the path.
         kind: Class of the errors.
-        mend: Advice where the file cannot be read.
+        fix: Advice where the file cannot be read.
 
     Raises:
         InputError: The file cannot be read, is too large, or is a pipe or a device; of the class
             `kind`.
 
     """
-    with regular_file(path, where=where, kind=kind, mend=mend) as file:
+    with regular_file(path, where=where, kind=kind, fix=fix) as file:
         content = file.read(largest + 1)
     if len(content) > largest:
         size = f"{largest >> 20} MiB" if largest >= 1 << 20 else f"{largest} bytes"
@@ -335,14 +335,14 @@ def whole_file(
 
 
 @contextmanager
-def _told(path: Path, mend: str) -> Iterator[None]:
+def _told(path: Path, fix: str) -> Iterator[None]:
     """Turn errors of the file system into InputErrors."""
     try:
         yield
     except BrokenPipeError:
         raise  # who read from the pipe has gone
     except OSError as error:
-        raise InputError(str(path), error.strerror or "cannot be written", mend) from error
+        raise InputError(str(path), error.strerror or "cannot be written", fix) from error
 
 
 def _form(path: Path, *, follow_links: bool) -> int:

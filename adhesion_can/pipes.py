@@ -53,8 +53,8 @@ def open_stream(path: Path, reader_s: float | None = None) -> int:
                 reason = error.strerror or "cannot be opened"
                 raise InputError(str(path), reason, "name another file") from error
             if time.monotonic() >= end_s:
-                mend = "start its reader first, or name a file"
-                raise InputError(str(path), "is a pipe without a reader", mend) from error
+                fix = "start its reader first, or name a file"
+                raise InputError(str(path), "is a pipe without a reader", fix) from error
             time.sleep(_LOOK_S)
         else:
             break

@@ -5,7 +5,7 @@ from typing import Any
 
 from adhesion_can.errors import PluginError
 
-MEND = "fix or uninstall the package that provides it"
+FIX = "fix or uninstall the package that provides it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Plugin:
             what: What is wrong with it, a clause.
 
         """
-        return PluginError(self.where, what, MEND)
+        return PluginError(self.where, what, FIX)
 
 
 def load_plugins(group: str) -> list[Plugin]:
@@ -53,6 +53,6 @@ def load_plugins(group: str) -> list[Plugin]:
             value = point.load()
         except Exception as error:  # the module of somebody else may raise anything
             what = f"cannot be loaded ({type(error).__name__}: {error})"
-            raise PluginError(where, what, MEND) from error
+            raise PluginError(where, what, FIX) from error
         plugins.append(Plugin(point.name, value, where))
     return sorted(plugins, key=lambda plugin: plugin.where)

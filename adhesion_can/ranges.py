@@ -50,14 +50,14 @@ class OutOfRangeError(ValueError):
     Args:
         sentence: Sentence that names the value and its range.
         what: What is wrong with it, without its name.
-        mend: What to write instead.
+        fix: What to write instead.
 
     """
 
-    def __init__(self, sentence: str, what: str, mend: str) -> None:
+    def __init__(self, sentence: str, what: str, fix: str) -> None:
         super().__init__(sentence)
         self.what = what
-        self.mend = mend
+        self.fix = fix
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +94,8 @@ class Range:
         for one, within in zip(values, each, strict=bool(each)):
             if one not in within:
                 sentence = f"{name} must be within {within}, not {shown(one)}"
-                mend = f"write {shown(within.lowest)} to {shown(within.highest)}"
-                raise OutOfRangeError(sentence, f"{shown(one)} is not within {within}", mend)
+                fix = f"write {shown(within.lowest)} to {shown(within.highest)}"
+                raise OutOfRangeError(sentence, f"{shown(one)} is not within {within}", fix)
 
     def __str__(self) -> str:
         text = ", ".join(map(str, self.each))

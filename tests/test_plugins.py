@@ -116,7 +116,7 @@ def test_what_is_no_effect_is_refused_with_the_name_of_its_distribution(installe
     with pytest.raises(PluginError, match=what) as caught:
         known_effects()
     assert caught.value.where == "bad-effects: entry point 'theirs' of adhesion_can.effects"
-    assert "uninstall" in caught.value.mend
+    assert "uninstall" in caught.value.fix
 
 
 def test_a_module_that_cannot_be_imported_is_named(installed, monkeypatch):

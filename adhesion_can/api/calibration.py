@@ -130,6 +130,6 @@ def require_calibration_signals(
         )
 
 
-def _require_readings(traces: list[Trace], what: str, where: str, mend: str) -> None:
+def _require_readings(traces: list[Trace], what: str, where: str, fix: str) -> None:
     if not any(np.isfinite(trace.value).any() for trace in traces):
-        raise RecordingError(where, f"has no {what}", mend)
+        raise RecordingError(where, f"has no {what}", fix)

@@ -48,6 +48,6 @@ def evaluate_inputs(loaded: Sequence[LoadedInput], config: Configuration) -> Eva
     if not any(map(len, drives)):
         names = ", ".join(str(one.input_file.path) for one in loaded)
         reason = explain_empty(loaded[0])
-        mend = "give a drive in which the vehicle moves and its axles pull or brake"
-        raise InputError(names, f"no usable row: {reason}", mend)
+        fix = "give a drive in which the vehicle moves and its axles pull or brake"
+        raise InputError(names, f"no usable row: {reason}", fix)
     return _evaluate(drives, config.model)

@@ -25,11 +25,11 @@ def read_formulas(texts: Iterable[str]) -> tuple[AnyFormula, ...]:
         try:
             found.append(parse_formula(text))
         except ExpressionError as error:
-            mend = (
+            fix = (
                 "write it as '1 + a * max(wind - b, 0) where a=0.1, b=5', with the size as the "
                 "first constant"
             )
-            raise InputError(f"formula {text!r}", str(error), mend) from error
+            raise InputError(f"formula {text!r}", str(error), fix) from error
     return tuple(found)
 
 

@@ -133,8 +133,8 @@ def _paths(given: object) -> list[Path]:
     paths = []
     for item in given if isinstance(given, list | tuple) else [given]:
         if not isinstance(item, str | Path | Recording):
-            mend = "give slip and adhesion, arrays of one length"
-            raise InputError("adhesion", "is missing", mend)
+            fix = "give slip and adhesion, arrays of one length"
+            raise InputError("adhesion", "is missing", fix)
         paths.append(item.path if isinstance(item, Recording) else Path(item))
     return paths
 

@@ -64,8 +64,8 @@ def require_plausible(where: str, findings: Iterable[Finding], *, assumed: bool)
     sentences = []
     for finding in findings:
         if finding.fatal and not assumed:
-            mend = f"{finding.mend}; if the data are right, pass --assume plausible"
-            raise InputError(where, finding.what, mend)
+            fix = f"{finding.fix}; if the data are right, pass --assume plausible"
+            raise InputError(where, finding.what, fix)
         doubted = f"{ASSUMED}: " if finding.fatal else ""
         sentences.append(f"{where}: {doubted}{finding.sentence}")
     return sentences

@@ -253,8 +253,8 @@ def _effects_of_model(
     model = config.model
     if model is None:
         return ()
-    mend = "remove the spline from the model"
-    require_channels(model, COVARIATES.values(), "the simulated locomotive", mend)
+    fix = "remove the spline from the model"
+    require_channels(model, COVARIATES.values(), "the simulated locomotive", fix)
     require_axles(model, config.vehicle.axles)
     given = {text.partition("=")[0].partition(":")[0] for text in texts}
     for active in model.effects:

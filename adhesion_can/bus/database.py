@@ -139,10 +139,10 @@ def _load_packaged() -> CanDatabase:
 def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
     """A database from its file; errors as in `load_database`."""
     # It is read twice, and what a device gives may have no end: a file alone will do.
-    mend = (
+    fix = (
         f"check the path ({path.absolute()}); a path in [bus] is relative to the configuration file"
     )
-    content = read_small_file(path, LARGEST_FILE, kind=DatabaseError, mend=mend)
+    content = read_small_file(path, LARGEST_FILE, kind=DatabaseError, fix=fix)
     if path.suffix.lower() not in DATABASE_SUFFIXES:
         raise DatabaseError(str(path), "not a CAN database, judging by its name", _GIVE_DATABASE)
     require_small_ranges(_as_bytes(content), str(path))
@@ -158,12 +158,12 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
             found = cantools.database.load_file(path, encoding=_encoding(content), strict=False)
     except (UnsupportedDatabaseFormatError, CantoolsError) as error:
         reason = " ".join(str(error).split())[:200]
-        mend = _GIVE_DATABASE
+        fix = _GIVE_DATABASE
         if "in message" in reason and not lenient:
-            mend = "fix the message, or pass --lenient to skip it"
+            fix = "fix the message, or pass --lenient to skip it"
         if is_unused(reason) and not lenient:
-            mend = "remove these statements, or pass --lenient to skip them"
-        raise DatabaseError(str(path), f"not a CAN database ({reason})", mend) from error
+            fix = "remove these statements, or pass --lenient to skip them"
+        raise DatabaseError(str(path), f"not a CAN database ({reason})", fix) from error
     except (ValueError, UnicodeError, KeyError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise DatabaseError(

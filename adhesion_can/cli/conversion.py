@@ -108,25 +108,25 @@ class Conversion:
             for count in report.counts.values():
                 reasons.update(count.rejected)
             what = f"every known frame is rejected ({counts_text(reasons)}); {database}"
-            mend = "check that the database belongs to this bus and has the right version"
+            fix = "check that the database belongs to this bus and has the right version"
         elif self._other_channels and not report.frames:
             what = (
                 f"no frame of channel {self._channel}; it has {counts_text(self._other_channels)}"
             )
-            mend = "name one of these with --channel"
+            fix = "name one of these with --channel"
         elif report.passed_over:
             what = "no frame with a selected signal that can be decoded; it has "
             what += counts_text(report.passed_over)
             why = list(self._undecodable(report.passed_over, self._chosen))
             what += "".join(f"; {line}" for line in why[:_SHOWN])
-            mend = "name other signals of these messages with --signals"
+            fix = "name other signals of these messages with --signals"
         elif not report.unknown:
             raise no_frame_error(recordings, "it has no data frames")
         else:
             ids = {id_text(*key): count for key, count in report.unknown.items()}
             what = f"no frame of a known id; it has {counts_text(ids)}; {database}"
-            mend = self._sender_hint() or "name the database of this bus with --dbc"
-        raise RecordingError(", ".join(str(one.path) for one in recordings), what, mend)
+            fix = self._sender_hint() or "name the database of this bus with --dbc"
+        raise RecordingError(", ".join(str(one.path) for one in recordings), what, fix)
 
     def _sender_hint(self) -> str | None:
         """Sentence about a message that another sender sends; None where no group is known."""

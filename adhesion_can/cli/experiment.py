@@ -160,14 +160,14 @@ def _experiment(options: argparse.Namespace) -> Experiment:
     experiment = EXPERIMENTS[options.number]
     if options.start is None:
         return experiment
-    where, mend = f"--start {options.start}", "give C1,C2,C3, such as 0.3,60,0.2"
+    where, fix = f"--start {options.start}", "give C1,C2,C3, such as 0.3,60,0.2"
     if experiment.theta0 is None:
         raise InputError(where, "experiment 1 starts anywhere in the range", "remove --start")
     try:
         c1, c2, c3 = map(float, options.start.split(","))
         EvolutionSettings(theta0=(c1, c2, c3))
     except ValueError as error:
-        raise InputError(where, "not a curve within the search range", mend) from error
+        raise InputError(where, "not a curve within the search range", fix) from error
     return replace(experiment, theta0=(c1, c2, c3))
 
 

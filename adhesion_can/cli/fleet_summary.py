@@ -85,8 +85,8 @@ def describe(
     )
     lines = [said]
     if failed:
-        mend = "" if options.retry_failed else "; --retry-failed tries them again"
-        lines.append(f"{counted(len(failed), 'unit')} failed; the data set has the errors{mend}:")
+        fix = "" if options.retry_failed else "; --retry-failed tries them again"
+        lines.append(f"{counted(len(failed), 'unit')} failed; the data set has the errors{fix}:")
         lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
         if len(failed) > FIRST:
             lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")

@@ -90,11 +90,11 @@ class Parser(argparse.ArgumentParser):
             return
         known = [str(choice) for choice in action.choices]
         near = suggest(str(value), known)
-        mend = near or f"known: {', '.join(known)}"
+        fix = near or f"known: {', '.join(known)}"
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
-            self.error(f"no command {value!r}; {mend}")
+            self.error(f"no command {value!r}; {fix}")
         name = "/".join(action.option_strings) or str(action.metavar or action.dest)
-        self.error(f"{name}: no {str(value)!r}; {mend}")
+        self.error(f"{name}: no {str(value)!r}; {fix}")
 
 
 class CommandParser(Parser):

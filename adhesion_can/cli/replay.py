@@ -256,7 +256,7 @@ class _SetpointCounts:
     def describe_objections(self) -> list[str]:
         """Line for each objection to the readings, with its share of the time."""
         return [
-            f"{self.share(count)} of the time {WORDINGS[one].what}: {WORDINGS[one].mend}"
+            f"{self.share(count)} of the time {WORDINGS[one].what}: {WORDINGS[one].fix}"
             for one, count in self.by_objection.most_common()
             if one in WORDINGS
         ]

@@ -233,8 +233,8 @@ class Configuration:
         )
 
         given = self.covariates()
-        mend = "map its role under [roles], or remove the effect from the model"
-        require_channels(self.model, given, f"no role for {self.where}", mend)
+        fix = "map its role under [roles], or remove the effect from the model"
+        require_channels(self.model, given, f"no role for {self.where}", fix)
         require_axles(self.model, self.vehicle.axles)
 
     def make_former(self) -> SampleFormer:

@@ -211,9 +211,9 @@ def _definition(table: dict[str, Any], where: str) -> Effect:
 def _formula(table: dict[str, Any], where: str) -> AnyFormula:
     """Formula with the names of the constants under `parameters`."""
     key = f"{where}.expression"
-    mend = "write the factor of the adhesion, as '1 + a * max(wind - b, 0)'"
+    fix = "write the factor of the adhesion, as '1 + a * max(wind - b, 0)'"
     if "expression" not in table:
-        raise ConfigError(key, "missing", mend)
+        raise ConfigError(key, "missing", fix)
     expression = typed(table["expression"], str, key)
     acts_on = typed(table.get("acts_on", ADHESION), str, f"{where}.acts_on")
     if acts_on not in (ADHESION, *READINGS):
@@ -226,7 +226,7 @@ def _formula(table: dict[str, Any], where: str) -> AnyFormula:
     try:
         return formula_of(expression, constants, acts_on)
     except ExpressionError as error:
-        raise ConfigError(key, str(error), mend) from error
+        raise ConfigError(key, str(error), fix) from error
 
 
 def _spline(table: dict[str, Any], where: str) -> Empirical:

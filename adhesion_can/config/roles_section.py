@@ -92,8 +92,8 @@ def load_choice(role: Role, axle: int, table: Mapping[str, Any], place: str) -> 
     if row.sign not in (-1, 1):
         raise ConfigError(f"{place}.sign", f"{row.sign}", "write 1 or -1")
     if row.protection not in ("", *PROTECTIONS):
-        mend = f"write one of {', '.join(PROTECTIONS)}"
-        raise ConfigError(f"{place}.protection", f"{row.protection!r}", mend)
+        fix = f"write one of {', '.join(PROTECTIONS)}"
+        raise ConfigError(f"{place}.protection", f"{row.protection!r}", fix)
     if row.factor == 0:
         raise ConfigError(f"{place}.factor", "0 makes every value 0", "write the factor")
     return SignalChoice(
@@ -131,10 +131,10 @@ def _role(name: str, place: str) -> tuple[Role, int]:
     known = ", ".join(f"{role}.AXLE" if role.per_axle else str(role) for role in of_roles)
     role = next((role for role in of_roles if role == base), None)
     if role is None:
-        mend = f"known: {known}; put other signals under [channels]"
-        raise ConfigError(place, "unknown role", mend)
+        fix = f"known: {known}; put other signals under [channels]"
+        raise ConfigError(place, "unknown role", fix)
     fits = re.fullmatch("[1-9][0-9]{0,3}", axle) if role.per_axle else name == base
     if not fits:
-        mend = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
-        raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", mend)
+        fix = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
+        raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", fix)
     return role, int(axle or 0)

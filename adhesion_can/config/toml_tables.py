@@ -290,7 +290,7 @@ def _require_in_range(value: Any, wanted: Any, where: str) -> None:
     try:
         range_of(wanted).require(where, value)
     except OutOfRangeError as error:
-        raise ConfigError(where, error.what, error.mend) from error
+        raise ConfigError(where, error.what, error.fix) from error
 
 
 def _shown(value: object) -> str:

@@ -252,8 +252,8 @@ def build_follower(configuration: Configuration, plan: DrivingPlan) -> PlanFollo
     try:
         return PlanFollower(configuration.vehicle, plan, settings)
     except ValueError as error:
-        mend = "fix [vehicle], or compute the plan from this configuration"
-        raise ConfigError(configuration.where, str(error), mend) from None
+        fix = "fix [vehicle], or compute the plan from this configuration"
+        raise ConfigError(configuration.where, str(error), fix) from None
 
 
 def build_reference(
@@ -275,8 +275,8 @@ def build_reference(
     try:
         return CreepController(configuration.vehicle, _at_cycle(settings, cycle_s))
     except ValueError as error:
-        mend = "fix [vehicle]: the controller needs it"
-        raise ConfigError(configuration.where, str(error), mend) from None
+        fix = "fix [vehicle]: the controller needs it"
+        raise ConfigError(configuration.where, str(error), fix) from None
 
 
 def _at_cycle(settings: ControlSettings, cycle_s: float) -> ControlSettings:

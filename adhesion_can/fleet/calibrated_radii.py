@@ -60,8 +60,8 @@ def choose_radii(found: Calibration) -> AppliedRadii:
     implausible = [one for one in differ if abs(one.ratio - 1.0) > MOST_WEAR]
     if implausible:
         reason = f"a change of more than {100 * MOST_WEAR:g} % is not wear"
-        mend = "check the configured radius and the unit of the wheel speed"
-        return AppliedRadii({}, f"{_listed(implausible)}: {reason}; {mend}")
+        fix = "check the configured radius and the unit of the wheel speed"
+        return AppliedRadii({}, f"{_listed(implausible)}: {reason}; {fix}")
     certain = {one.axle: one.ratio for one in differ if _is_certain(one, len(estimated))}
     doubtful = [one for one in differ if one.axle not in certain]
     if not doubtful:

@@ -79,8 +79,8 @@ def open_cluster(
                 client = Client(address, timeout=CONNECT, set_as_default=False)
             except (OSError, ValueError, CommClosedError) as error:
                 reason = " ".join(str(error).split())[:150]
-                mend = "start one with 'dask scheduler', and name its address as tcp://HOST:8786"
-                raise InputError(f"--scheduler {address}", f"no answer ({reason})", mend) from error
+                fix = "start one with 'dask scheduler', and name its address as tcp://HOST:8786"
+                raise InputError(f"--scheduler {address}", f"no answer ({reason})", fix) from error
         stack.callback(client.close)
         yield client
 
@@ -119,8 +119,8 @@ def require_workers(client: Client, address: str | None, out: str, seen: str | N
     """
     where = f"--scheduler {address}" if address else "fleet"
     if not client.nthreads():
-        mend = f"start some with 'dask worker {address}'" if address else "see the lines above"
-        raise InputError(where, "the scheduler has no workers", mend)
+        fix = f"start some with 'dask worker {address}'" if address else "see the lines above"
+        raise InputError(where, "the scheduler has no workers", fix)
     install = f"pip install 'adhesion-can[fleet]=={__version__}' where its workers run"
     token = uuid4().hex[:12]
     place = open_place(f"{out.rstrip('/')}/.probe-{token}")
@@ -131,8 +131,8 @@ def require_workers(client: Client, address: str | None, out: str, seen: str | N
     # Each file system has errors of its own.
     except Exception as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        mend = "name a folder that can be written to"
-        raise InputError(f"--out {out}", f"cannot be written ({reason})", mend) from error
+        fix = "name a folder that can be written to"
+        raise InputError(f"--out {out}", f"cannot be written ({reason})", fix) from error
     try:
         answers = client.run(probe, place.name, token, seen, on_error="return")
     finally:
@@ -148,8 +148,8 @@ def require_workers(client: Client, address: str | None, out: str, seen: str | N
             what = f"worker {worker} has adhesion-can {version}, this is {__version__}"
             raise InputError(where, what, install)
         if problem:
-            mend = "mount it there under the same path, or give URLs, such as s3://BUCKET/.."
-            raise InputError(where, f"worker {worker} {problem}", mend)
+            fix = "mount it there under the same path, or give URLs, such as s3://BUCKET/.."
+            raise InputError(where, f"worker {worker} {problem}", fix)
 
 
 def probe(out: str, token: str, seen: str | None) -> tuple[str, str]:

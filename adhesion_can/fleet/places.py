@@ -96,8 +96,8 @@ class Place:
         # Each file system has errors of its own, of libraries that may not be installed.
         except Exception as error:
             reason = " ".join(str(error).split())[:200] or type(error).__name__
-            mend = "check URL, network and credentials" if not self.is_local else "check the path"
-            raise InputError(self.given, f"cannot be read ({reason})", mend) from error
+            fix = "check URL, network and credentials" if not self.is_local else "check the path"
+            raise InputError(self.given, f"cannot be read ({reason})", fix) from error
 
     @contextmanager
     def fetched(self) -> Iterator[tuple[Path, str]]:
@@ -140,8 +140,8 @@ def open_place(given: str) -> Place:
         system, inner = fsspec.core.url_to_fs(given)
     except ImportError as error:
         package = _PACKAGES.get(scheme, error.name or "its package")
-        mend = install_package(package)
-        raise InputError(given, f"{scheme}:// needs another package", mend) from error
+        fix = install_package(package)
+        raise InputError(given, f"{scheme}:// needs another package", fix) from error
     except ValueError as error:
         known = ", ".join(sorted(set(_PACKAGES)))
         raise InputError(

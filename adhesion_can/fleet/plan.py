@@ -27,8 +27,8 @@ def read_steps(text: str) -> tuple[str, ...]:
     given = [name.strip() for name in text.split(",") if name.strip()]
     for name in given:
         if name not in STEPS:
-            mend = suggest(name, STEPS) or f"known: {', '.join(STEPS)}"
-            raise InputError(f"--steps {text}", f"no step {name!r}", mend)
+            fix = suggest(name, STEPS) or f"known: {', '.join(STEPS)}"
+            raise InputError(f"--steps {text}", f"no step {name!r}", fix)
     if not given:
         raise InputError("--steps", "no step is given", f"name some of {','.join(STEPS)}")
     return tuple(step for step in STEPS if step in given)

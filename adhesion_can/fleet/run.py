@@ -127,6 +127,6 @@ class _Flight:
             (self._alone if one.deaths == DEATHS - 1 else self._again).append(one)
             return None
         except (CancelledError, CommClosedError) as error:
-            mend = "once the scheduler is available again, the same command continues from here"
-            raise InputError("fleet", "the scheduler is no longer available", mend) from error
+            fix = "once the scheduler is available again, the same command continues from here"
+            raise InputError("fleet", "the scheduler is no longer available", fix) from error
         return outcome

@@ -94,14 +94,14 @@ def read_manifest(path: Path) -> list[Unit]:
         InputError: The manifest or one of its rows cannot be used.
 
     """
-    where, mend = f"--units {path}", "name a CSV file in UTF-8"
+    where, fix = f"--units {path}", "name a CSV file in UTF-8"
     try:
-        text = read_small_file(path, LARGEST_MANIFEST, where=where, mend=mend).decode("utf-8-sig")
+        text = read_small_file(path, LARGEST_MANIFEST, where=where, fix=fix).decode("utf-8-sig")
         reader = csv.DictReader(StringIO(text, newline=""), restkey="", restval="")
         _require_heading(reader.fieldnames or (), str(path))
         rows = [(reader.line_num, row) for row in reader]
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(where, f"cannot be read as CSV ({error})", mend) from error
+        raise InputError(where, f"cannot be read as CSV ({error})", fix) from error
     found: dict[str, Unit] = {}
     for number, row in rows:
         where = f"--units {path}, line {number}"
@@ -117,8 +117,8 @@ def read_manifest(path: Path) -> list[Unit]:
 def _require_heading(heading: Sequence[str], where: str) -> None:
     for name in heading:
         if name not in COLUMNS:
-            mend = suggest(name, COLUMNS) or f"known: {', '.join(COLUMNS)}"
-            raise InputError(f"--units {where}", f"no column {name!r} is known", mend)
+            fix = suggest(name, COLUMNS) or f"known: {', '.join(COLUMNS)}"
+            raise InputError(f"--units {where}", f"no column {name!r} is known", fix)
     for name in COLUMNS[:2]:
         if name not in heading:
             what = f"no column {name!r}"
@@ -158,8 +158,8 @@ def _degrees(text: str, name: str, where: str) -> float | None:
     except ValueError:
         value = float("nan")
     if not (isfinite(value) and abs(value) <= _LIMITS[name]):
-        mend = f"write degrees, -{_LIMITS[name]:g} to {_LIMITS[name]:g}, or nothing"
-        raise InputError(where, f"{name} {text!r}", mend)
+        fix = f"write degrees, -{_LIMITS[name]:g} to {_LIMITS[name]:g}, or nothing"
+        raise InputError(where, f"{name} {text!r}", fix)
     return value
 
 

@@ -205,8 +205,8 @@ def writing_errors(task: Task) -> Iterator[None]:
         yield
     except OSError as error:
         reason = " ".join(str(error).split())[:200]
-        mend = "free some space or check the permissions; the same command continues from here"
-        raise InputError(f"--out {task.out}", f"cannot be written ({reason})", mend) from error
+        fix = "free some space or check the permissions; the same command continues from here"
+        raise InputError(f"--out {task.out}", f"cannot be written ({reason})", fix) from error
 
 
 def describe_kept(kept: Kept) -> Outcome:

@@ -324,8 +324,8 @@ def _check_signals(result: CheckResult) -> None:
 def _check_axles(result: CheckResult, configuration: Configuration) -> None:
     """Whether slip and adhesion of every axle come out plausible."""
     result.failures.extend("; ".join(pair) for pair in configuration.shared_signals())
-    what, mend = UNKNOWN_CYCLE
-    result.warnings.extend(f"{one}: {what}; {mend}" for one in configuration.unknown_cycles())
+    what, fix = UNKNOWN_CYCLE
+    result.warnings.extend(f"{one}: {what}; {fix}" for one in configuration.unknown_cycles())
     by_axle = (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT)
     mapped = {role: {c.axle for c in configuration.choices if c.role is role} for role in by_axle}
     for axle in range(1, configuration.vehicle.axles + 1):

@@ -15,7 +15,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import RecordingError
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.samples import Samples
-from adhesion_can.recordings.problems import NO_FRAME_MEND
+from adhesion_can.recordings.problems import NO_FRAME_FIX
 from adhesion_can.sampling.column_former import Readings
 
 UPDATE_US = 20_000
@@ -174,10 +174,10 @@ def require_accepted_frame(receiver: Receiver, frames: int, where: str) -> None:
             "check database and protection; 'adhesion-can check' shows more",
         )
     if not frames:
-        raise RecordingError(where, "it has no frames", NO_FRAME_MEND)
+        raise RecordingError(where, "it has no frames", NO_FRAME_FIX)
     if receiver.unmarked:
-        what, _, mend = receiver.unmarked[0].partition("; ")
-        raise RecordingError(where, f"no frame of a known id; {what}", mend)
+        what, _, fix = receiver.unmarked[0].partition("; ")
+        raise RecordingError(where, f"no frame of a known id; {what}", fix)
     for record in receiver.records:
         if record.wrong_channel is not None:
             what, fix = record.wrong_channel

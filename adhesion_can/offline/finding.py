@@ -8,16 +8,16 @@ class Finding(NamedTuple):
 
     Attributes:
         what: What was seen, with numbers.
-        mend: What to do about it.
+        fix: What to do about it.
         fatal: Whether no honest answer is possible.
 
     """
 
     what: str
-    mend: str
+    fix: str
     fatal: bool = True
 
     @property
     def sentence(self) -> str:
         """Both in one line."""
-        return f"{self.what}: {self.mend}"
+        return f"{self.what}: {self.fix}"

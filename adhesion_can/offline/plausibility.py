@@ -145,14 +145,14 @@ def _slip_size(points: Points) -> Iterator[Finding]:
         return
     if not points.table and known_ratio(points.slip) is not None:
         return  # told as a ratio of the speeds
-    mend = "check the wheel radius and the units of wheel and vehicle speed"
+    fix = "check the wheel radius and the units of wheel and vehicle speed"
     if points.table:
-        mend = "give the slip as a ratio; for percent pass --column slip=slip,unit=percent"
+        fix = "give the slip as a ratio; for percent pass --column slip=slip,unit=percent"
     spins = points.table and _saturates(points)
     what = f"the slip reaches {size:.4g}"
     if spins:
-        what, mend = f"{what}: the wheel spins", "remove these rows if you do not want them"
-    yield Finding(what, mend, fatal=not spins)
+        what, fix = f"{what}: the wheel spins", "remove these rows if you do not want them"
+    yield Finding(what, fix, fatal=not spins)
 
 
 def _saturates(points: Points) -> bool:
@@ -189,21 +189,21 @@ def _adhesion_size(points: Points) -> Iterator[Finding]:
     size = float(np.quantile(np.abs(points.adhesion), 0.99))
     by_force = points.load is not None
     if size > ADHESION_LIMIT:
-        mend = "check the axle load and the unit of the tractive effort"
+        fix = "check the axle load and the unit of the tractive effort"
         if points.table and points.load is not None:
-            mend = _load_units(size, float(np.median(points.load))) or mend
+            fix = _load_units(size, float(np.median(points.load))) or fix
         elif points.table:
-            mend = "if it is in percent, pass --column adhesion=adhesion,unit=percent"
+            fix = "if it is in percent, pass --column adhesion=adhesion,unit=percent"
         what = f"the adhesion reaches {size:.4g}"
         if size <= RACING_ADHESION:
             what += ", which only a racing tyre reaches"
-        yield Finding(what, mend)
+        yield Finding(what, fix)
     elif by_force and 0.0 < size < LEAST_ADHESION:
-        mend = "check the axle load and the unit of the tractive effort"
+        fix = "check the axle load and the unit of the tractive effort"
         if points.table and LEAST_USED < 1e3 * size < ADHESION_LIMIT:
             name = "longitudinal_force_N"
-            mend = f"if the force is in kN, pass --column {name}={name},unit=kN"
-        yield Finding(f"the adhesion stays below {size:.2g}", mend)
+            fix = f"if the force is in kN, pass --column {name}={name},unit=kN"
+        yield Finding(f"the adhesion stays below {size:.2g}", fix)
 
 
 def _load_units(size: float, load: float) -> str:
@@ -251,10 +251,10 @@ def _load(points: Points) -> Iterator[Finding]:
     if float(np.quantile(np.abs(points.adhesion), 0.99)) > ADHESION_LIMIT:
         return  # told already
     if 0.0 < middle < LEAST_LOAD_N:
-        mend = "check the axle load of the vehicle"
+        fix = "check the axle load of the vehicle"
         if points.table:
-            mend = "if force and load are in kN, say unit=kN for both"
-        yield Finding(f"the load is about {middle:.3g} N", mend, fatal=False)
+            fix = "if force and load are in kN, say unit=kN for both"
+        yield Finding(f"the load is about {middle:.3g} N", fix, fatal=False)
 
 
 def _speed(points: Points) -> Iterator[Finding]:
@@ -262,11 +262,11 @@ def _speed(points: Points) -> Iterator[Finding]:
         return
     middle = float(np.median(points.speed))
     if middle > FAST:
-        mend = "check the unit of the vehicle speed"
+        fix = "check the unit of the vehicle speed"
         if points.table:
-            mend = "if the column is in km/h, pass --column speed_mps=speed_mps,unit=km/h"
+            fix = "if the column is in km/h, pass --column speed_mps=speed_mps,unit=km/h"
         what = f"the speed is about {middle:.0f} m/s, {3.6 * middle:.0f} km/h"
-        yield Finding(what, mend, fatal=middle > TOO_FAST)
+        yield Finding(what, fix, fatal=middle > TOO_FAST)
 
 
 def _motion(points: Points) -> Iterator[Finding]:

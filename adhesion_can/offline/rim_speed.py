@@ -22,7 +22,7 @@ SLIPPING = (0.4, 2.5)
 """Ratios of wheels that slip heavily or spin."""
 _VEHICLE_UNIT = "check the unit of vehicle_speed"
 _WHEEL_UNIT = "check the unit of wheel_speed"
-MENDS: Mapping[float, str] = {
+FIXES: Mapping[float, str] = {
     -1.0: "the wheel speed has the opposite sign: change sign of wheel_speed",
     1 / 3.6: f"{_VEHICLE_UNIT}: it may be in km/h",
     3.6: f"{_VEHICLE_UNIT}: it may be in m/s",
@@ -51,7 +51,7 @@ def inspect_rim_speeds(slips: Mapping[int, Array]) -> list[Finding]:
         if known is not None:
             axles.setdefault(known, []).append(axle)
     return [
-        Finding(f"{_name(own)}: the rim speed is {ratio:.3g} times the vehicle speed", MENDS[ratio])
+        Finding(f"{_name(own)}: the rim speed is {ratio:.3g} times the vehicle speed", FIXES[ratio])
         for ratio, own in axles.items()
     ]
 
@@ -66,7 +66,7 @@ def known_ratio(slip: Array) -> float | None:
     if len(slip) < LEAST_ROWS:
         return None
     low, high = np.quantile(1.0 + slip, (0.25, 0.75))
-    for ratio in MENDS:
+    for ratio in FIXES:
         slipping = ratio < 0.0 or SLIPPING[0] < ratio < SLIPPING[1]
         within = (TOLERANCE if slipping else WIDE_TOLERANCE) * abs(ratio)
         if max(abs(low - ratio), abs(high - ratio)) <= within:

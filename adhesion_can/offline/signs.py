@@ -72,7 +72,7 @@ def inspect_missing_sign(points: Points) -> Iterator[Finding]:
     if not points.table or int(clear.sum()) < LEAST_ROWS or not is_used:
         return
     slip, force = points.slip[clear], points.adhesion[clear]
-    mend = "write both below 0 in braking; the slip is (rim speed - speed) / speed"
+    fix = "write both below 0 in braking; the slip is (rim speed - speed) / speed"
     for name, values, other, others in (
         ("slip", slip, "force", force),
         ("force", force, "slip", slip),
@@ -84,5 +84,5 @@ def inspect_missing_sign(points: Points) -> Iterator[Finding]:
             yield Finding(
                 f"the {name} is never below 0, but the {other} is in {100 * share:.0f} % of the "
                 f"rows: the {name} has no sign",
-                mend,
+                fix,
             )

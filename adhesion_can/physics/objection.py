@@ -29,12 +29,12 @@ class Wording(NamedTuple):
 
     Attributes:
         what: What is wrong, as a sentence without a full stop.
-        mend: What to do about it.
+        fix: What to do about it.
 
     """
 
     what: str
-    mend: str
+    fix: str
 
 
 _UNTIL = "no peak until the readings agree again, or coasting confirms them"
@@ -71,4 +71,4 @@ WORDINGS: Mapping[Objection, Wording] = {
 def objection_sentence(objection: Objection) -> str:
     """What is objected and what to do about it; '' where there is no objection."""
     wording = WORDINGS.get(objection)
-    return "" if wording is None else f"{wording.what}: {wording.mend}"
+    return "" if wording is None else f"{wording.what}: {wording.fix}"

@@ -83,9 +83,9 @@ def detect_format(path: Path, head: bytes) -> str:
         )
     if seen is not None:
         return seen
-    for first, (what, mend) in _OTHERS.items():
+    for first, (what, fix) in _OTHERS.items():
         if head.startswith(first):
-            raise RecordingError(str(path), f"{what}, not a recording of a bus", mend)
+            raise RecordingError(str(path), f"{what}, not a recording of a bus", fix)
     named = _format_by_name(path)
     if named is None:
         raise RecordingError(
@@ -157,5 +157,5 @@ def require_text_name(path: Path, where: str) -> None:
         raise InputError(where, "candump text is compressed as .gz only", f"name it {path.stem}.gz")
     if suffix in PYTHON_CAN:
         text = path.name[: path.name.lower().rindex(suffix)] + CANDUMP
-        mend = f"name it {text}, then convert it with 'can_logconvert {text} {path.name}'"
-        raise InputError(where, "the file is written as candump text, not in that format", mend)
+        fix = f"name it {text}, then convert it with 'can_logconvert {text} {path.name}'"
+        raise InputError(where, "the file is written as candump text, not in that format", fix)

@@ -217,7 +217,7 @@ def _serve(
             pipe.flush()
         last: tuple[int, object] = (_END, None)
     except InputError as error:
-        last = (_REFUSED, (type(error), error.where, error.what, error.mend))
+        last = (_REFUSED, (type(error), error.where, error.what, error.fix))
     except MemoryError:
         last = (_FAILED, f"reading it takes more than {limits.memory // _MIB} MiB of memory")
     except Exception as error:  # noqa: BLE001  a library raises whatever its parsers meet

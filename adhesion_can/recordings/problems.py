@@ -8,7 +8,7 @@ from adhesion_can.errors import RecordingError
 from adhesion_can.plurals import counted
 from adhesion_can.recordings.recording import Recording
 
-NO_FRAME_MEND = "is it a recording of a bus, as 'candump -L' makes one?"
+NO_FRAME_FIX = "is it a recording of a bus, as 'candump -L' makes one?"
 """What to look at where a file has not one frame."""
 
 
@@ -76,4 +76,4 @@ def no_frame_error(
 
     """
     where = ", ".join(str(recording.path) for recording in recordings)
-    return RecordingError(where, "; ".join([what, *describe_problems(recordings)]), NO_FRAME_MEND)
+    return RecordingError(where, "; ".join([what, *describe_problems(recordings)]), NO_FRAME_FIX)

@@ -47,7 +47,7 @@ from adhesion_can.recordings.sqlite_frames import read_sqlite
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
-_MF4_MEND = "write it again with the tool that made it, or export its frames as candump text"
+_MF4_FIX = "write it again with the tool that made it, or export its frames as candump text"
 
 _READERS: dict[str, tuple[Callable[[Any], can.io.generic.MessageReader], str]] = {
     ".asc": (can.ASCReader, "rt"),
@@ -249,7 +249,7 @@ class Recording:
                     if len(block):
                         yield block
             except LimitError as error:
-                raise RecordingError(str(self.path), str(error), _MF4_MEND) from error
+                raise RecordingError(str(self.path), str(error), _MF4_FIX) from error
 
     def mf4_blocks(self) -> Iterator[Block]:
         """Blocks of a file of MF4, read in this process."""

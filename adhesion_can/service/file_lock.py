@@ -61,8 +61,8 @@ def _locked(place: Path, where: str, until_s: float) -> int | None:
             number = os.open(place, flags, 0o600)
         except OSError as error:
             if error.errno == errno.ELOOP:
-                mend = "remove the link, or name another file"
-                raise InputError(where, f"its lock {place.name} is a link", mend) from error
+                fix = "remove the link, or name another file"
+                raise InputError(where, f"its lock {place.name} is a link", fix) from error
             if error.errno in (errno.EROFS, errno.EACCES) and not place.exists():
                 return None
             raise
@@ -79,8 +79,8 @@ def _locked(place: Path, where: str, until_s: float) -> int | None:
 
 def _require_file(number: int, place: Path, where: str) -> None:
     if not stat.S_ISREG(os.fstat(number).st_mode):
-        mend = "remove it, or name another file"
-        raise InputError(where, f"its lock {place.name} is not a file", mend)
+        fix = "remove it, or name another file"
+        raise InputError(where, f"its lock {place.name} is not a file", fix)
 
 
 def _take(number: int, until_s: float) -> None:

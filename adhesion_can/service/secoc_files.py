@@ -25,7 +25,7 @@ def read_key(path: Path) -> bytes:
     """
     where = f"--secoc-key {path}"
     # What is checked is what is read: another file cannot take its place in between.
-    with regular_file(path, where=where, mend="name another file") as file:
+    with regular_file(path, where=where, fix="name another file") as file:
         status = os.fstat(file.fileno())
         text = file.read(_MOST_BYTES + 1)
     if status.st_uid not in (0, os.geteuid()):
@@ -70,7 +70,7 @@ class TripFile:
     def _read(self) -> int:
         if not self._path.exists():
             return 0
-        text = read_small_file(self._path, _MOST_BYTES, mend="name another file")
+        text = read_small_file(self._path, _MOST_BYTES, fix="name another file")
         if re.fullmatch(rb"[0-9]{1,10}\s*", text) is None:
             raise InputError(
                 str(self._path),

@@ -39,7 +39,7 @@ def read_state(config: Configuration, path: Path, notify: Callable[[str], None])
     where = f"--state {path}"
     if not path.exists():
         return empty
-    with regular_file(path, where=where, mend="name another file") as file:
+    with regular_file(path, where=where, fix="name another file") as file:
         content = file.read(LARGEST_TEXT + 1)
     try:
         now_us = time.time_ns() // 1000

@@ -91,8 +91,8 @@ def _parse_number(text: str, parameter: Parameter, where: str, axles: int = 0) -
     try:
         value = float(text)
     except ValueError as error:
-        mend = f"give {parameter.name}, {parameter.lower:g} to {upper:g}{unit}"
-        raise InputError(where, f"{text!r} is not a number", mend) from error
+        fix = f"give {parameter.name}, {parameter.lower:g} to {upper:g}{unit}"
+        raise InputError(where, f"{text!r} is not a number", fix) from error
     if not (isfinite(value) and parameter.lower <= value <= upper):
         raise InputError(
             where,

@@ -1,4 +1,4 @@
-"""Databases with a faulty message: refused with the mend, or read without it."""
+"""Databases with a faulty message: refused with the fix, or read without it."""
 
 import pytest
 

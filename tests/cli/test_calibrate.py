@@ -395,7 +395,7 @@ def test_speeds_derived_from_the_driven_axles_calibrate_nothing(tmp_path, capsys
 # --- bad input
 
 
-def test_no_coasting_is_one_line_with_the_mend(tmp_path, capsys):
+def test_no_coasting_is_one_line_with_the_fix(tmp_path, capsys):
     log = tmp_path / "a.log"
     with log.open("w") as file:
         file.writelines(map(format_frame, Bench().drive(0, 10_000_000)))

@@ -1,4 +1,4 @@
-"""The loop closed: a drive with an effect is diagnosed, and its model mends the replay."""
+"""The loop closed: a drive with an effect is diagnosed, and its model fixes the replay."""
 
 import csv
 import json

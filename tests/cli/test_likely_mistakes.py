@@ -1,4 +1,4 @@
-"""What a person is likely to type wrongly, and the one line that comes: where, what, the mend."""
+"""What a person is likely to type wrongly, and the one line that comes: where, what, the fix."""
 
 import csv
 import gzip
@@ -99,7 +99,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("typed", REFUSED)
-def test_a_mistake_is_one_line_that_names_the_mend(folder, monkeypatch, capsys, typed):
+def test_a_mistake_is_one_line_that_names_the_fix(folder, monkeypatch, capsys, typed):
     monkeypatch.chdir(folder)
     for name in ("CAN_INTERFACE", "CAN_CHANNEL"):
         monkeypatch.delenv(name, raising=False)

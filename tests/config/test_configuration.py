@@ -51,8 +51,8 @@ def assert_one_line(error, *parts):
     assert isinstance(error, InputError)
     assert error.where
     assert error.what
-    assert error.mend
-    assert message == f"{error.where}: {error.what}; {error.mend}"
+    assert error.fix
+    assert message == f"{error.where}: {error.what}; {error.fix}"
     for part in parts:
         assert part in message, message
 

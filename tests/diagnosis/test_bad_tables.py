@@ -147,7 +147,7 @@ def test_what_a_bare_table_does_not_identify_is_listed(tmp_path):
         (columns(speed_mps=np.full(N, 200.0)), "--column speed_mps=speed_mps,unit=km/h"),
     ],
 )
-def test_a_wrong_sign_or_unit_is_an_error_with_the_mend(given, says, tmp_path):
+def test_a_wrong_sign_or_unit_is_an_error_with_the_fix(given, says, tmp_path):
     answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", given))
     assert answer.status == 2
     assert says in answer.err

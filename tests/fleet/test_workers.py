@@ -38,7 +38,7 @@ class Answering:
         ((__version__, "cannot access /x"), "cannot access /x; mount it there under the same path"),
     ],
 )
-def test_a_worker_that_cannot_do_the_work_is_named_with_the_mend(tmp_path, answer, said):
+def test_a_worker_that_cannot_do_the_work_is_named_with_the_fix(tmp_path, answer, said):
     with pytest.raises(InputError) as error:
         require_workers(Answering(answer), "tcp://s", str(tmp_path / "out"), None)
     assert said in str(error.value)
@@ -62,7 +62,7 @@ def test_an_output_that_cannot_be_written_is_said_before_the_work(tmp_path):
         require_workers(Answering((__version__, "")), None, str(tmp_path / "file" / "out"), None)
 
 
-def test_a_data_set_that_cannot_be_listed_is_an_error_with_the_mend(monkeypatch):
+def test_a_data_set_that_cannot_be_listed_is_an_error_with_the_fix(monkeypatch):
     """Libraries of object stores raise errors that are no OSError."""
     data = DataSet("memory://out")
 

@@ -1,4 +1,4 @@
-"""The rule of every target: a value, or an error of the project with what, where and the mend.
+"""The rule of every target: a value, or an error of the project with what, where and the fix.
 
 Any other exception, a wrong answer, a hang or a heap of memory is a finding.
 """
@@ -36,7 +36,7 @@ def value_or_refusal(call, *arguments, own=(), **options):
 
 def _require_mend(error):
     """Every part of an error is there, on one line."""
-    for name in ("where", "what", "mend") if isinstance(error, InputError) else ():
+    for name in ("where", "what", "fix") if isinstance(error, InputError) else ():
         assert getattr(error, name).strip(), f"{error!r} has no {name}"
     assert str(error).strip(), f"{error!r} says nothing"
     assert "\n" not in str(error) or not isinstance(error, InputError), "more than a line"

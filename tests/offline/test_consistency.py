@@ -63,7 +63,7 @@ def test_a_speed_in_another_unit_changes_too_fast(seed):
     t_us, _, adhesion, speed = drive(seed, driven_share=0.5)
     (finding,) = inspect_acceleration(t_us, 3.6 * speed, adhesion)
     assert "1.8 times faster than this adhesion" in finding.what
-    assert "unit=km/h" in finding.mend
+    assert "unit=km/h" in finding.fix
 
 
 def test_a_constant_speed_says_nothing():

@@ -65,13 +65,13 @@ def test_sound_data_have_no_findings(seed):
 
 @pytest.mark.parametrize("kind", [*FATAL, *TOLD])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_fault_is_one_sentence_with_its_mend(kind, seed):
+def test_a_fault_is_one_sentence_with_its_fix(kind, seed):
     changes, says = (FATAL | TOLD)[kind]
     (finding,) = inspect_points(points(seed, **changes))
     assert says in finding.sentence
     assert finding.fatal is (kind in FATAL)
     assert "\n" not in finding.sentence
-    assert finding.mend
+    assert finding.fix
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -83,7 +83,7 @@ def test_slips_in_percent_are_seen_where_none_exceeds_one(seed):
     measured = slip + 0.001 * rng.standard_normal(N)
     assert inspect_points(Points(measured, adhesion)) == []
     (finding,) = inspect_points(Points(100.0 * measured, adhesion))
-    assert "slip=slip,unit=percent" in finding.mend
+    assert "slip=slip,unit=percent" in finding.fix
     assert finding.fatal
 
 
@@ -101,9 +101,9 @@ def test_large_slips_of_a_real_contact_are_no_percent(seed):
 
 def test_a_load_that_may_be_of_two_units_is_told_with_both():
     (finding,) = inspect_points(points(adhesion=lambda x: 1000 * x / 2, load=lambda x: x / 1000))
-    assert "unit=kN" in finding.mend
+    assert "unit=kN" in finding.fix
     (finding,) = inspect_points(points(adhesion=lambda x: 7000 * x, load=lambda x: x / 7000))
-    assert "unit=kN; if it is in t, unit=t" in finding.mend
+    assert "unit=kN; if it is in t, unit=t" in finding.fix
 
 
 @pytest.mark.parametrize("kind", FATAL)
@@ -125,7 +125,7 @@ def test_slips_of_a_wheel_that_spins_are_no_percent(seed):
     # The same numbers as percent: at a tenth of a percent there is no adhesion yet.
     adhesion = 0.2 * (1.0 - np.exp(-0.4 * slip)) + 0.01 * rng.standard_normal(N)
     (finding,) = inspect_points(Points(slip, adhesion))
-    assert "unit=percent" in finding.mend
+    assert "unit=percent" in finding.fix
     assert finding.fatal
 
 
@@ -133,8 +133,8 @@ def test_a_racing_tyre_is_named_beside_the_unit_that_would_fit_too():
     tyre = points(adhesion=lambda x: 12 * x, load=lambda x: x / 50)
     (finding,) = inspect_points(tyre)
     assert "which only a racing tyre reaches" in finding.what
-    assert "unit=kg" in finding.mend
-    assert "unit=kN" not in finding.mend  # 5 MN
+    assert "unit=kg" in finding.fix
+    assert "unit=kN" not in finding.fix  # 5 MN
     assert finding.fatal
 
 
@@ -157,12 +157,12 @@ def test_a_slip_late_by_half_a_swing_is_not_called_reversed(seed):
     (finding,) = inspect_points(Points(slip, adhesion, t_us))
     assert "opposite signs" in finding.what
     assert "the slip may lag the force by 1 s" in finding.what
-    assert finding.mend.startswith("shift the late one")
-    assert "sign=-1" not in finding.mend
+    assert finding.fix.startswith("shift the late one")
+    assert "sign=-1" not in finding.fix
     # Turned and in step: its sign explains all, and nothing is late.
     slip, adhesion, t_us = late(seed, 0)
     (finding,) = inspect_points(Points(-slip, adhesion, t_us))
-    assert "sign=-1" in finding.mend
+    assert "sign=-1" in finding.fix
     assert "late" not in finding.sentence
 
 

@@ -39,10 +39,10 @@ def test_sound_speeds_and_spinning_wheels_are_no_finding(seed):
         (1000.0, "it may be in mm"),
     ],
 )
-def test_a_known_ratio_is_told_with_its_axles_and_mend(ratio, says):
+def test_a_known_ratio_is_told_with_its_axles_and_fix(ratio, says):
     (finding,) = inspect_rim_speeds({1: slips(1), 2: slips(2, ratio), 4: slips(4, ratio)})
     assert finding.what.startswith("axles 2, 4: the rim speed is")
-    assert says in finding.mend
+    assert says in finding.fix
     assert finding.fatal
 
 

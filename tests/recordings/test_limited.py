@@ -84,7 +84,7 @@ def test_a_refusal_is_the_same_error():
     assert next(found) == 1
     with pytest.raises(TableError, match=r"f.mf4: no slip; add one") as error:
         next(found)
-    assert error.value.mend == "add one"
+    assert error.value.fix == "add one"
 
 
 @pytest.mark.usefixtures("way")

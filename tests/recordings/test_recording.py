@@ -159,7 +159,7 @@ def test_formats_other_than_candump_may_be_packed(tmp_path, suffix):
 
 @LEAVES_FILES_OPEN
 @pytest.mark.usefixtures("collected")
-def test_a_packed_database_is_an_error_with_a_mend(tmp_path):
+def test_a_packed_database_is_an_error_with_a_fix(tmp_path):
     plain = written(tmp_path / "a.db", plain_frames(5))
     packed = tmp_path / "a.db.gz"
     packed.write_bytes(gzip.compress(plain.read_bytes()))
@@ -269,7 +269,7 @@ def test_an_empty_file_has_no_blocks(tmp_path, content):
     assert list(Recording(path).blocks()) == []
 
 
-def test_zstd_around_another_format_is_an_error_with_a_mend(tmp_path):
+def test_zstd_around_another_format_is_an_error_with_a_fix(tmp_path):
     zstandard = pytest.importorskip("zstandard")
     path = tmp_path / "a.csv.zst"
     path.write_bytes(zstandard.compress(b"timestamp,arbitration_id\n"))
@@ -335,7 +335,7 @@ def assert_one_line(error, *parts):
     assert "\n" not in text
     assert "\r" not in text
     assert len(text) < 400
-    assert "; " in text, "the mend stands behind a semicolon"
+    assert "; " in text, "the fix stands behind a semicolon"
     for part in parts:
         assert part in text
 
@@ -353,7 +353,7 @@ def test_a_folder_is_not_a_recording(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a.pcap", "a.bin", "a.mat", "a.json.gz", "a.xlsx"])
-def test_a_wrong_suffix_is_an_error_with_a_mend(tmp_path, name):
+def test_a_wrong_suffix_is_an_error_with_a_fix(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(b"\x01\x02 something else\n" * 10)
     with pytest.raises(RecordingError) as error:
@@ -630,7 +630,7 @@ def test_a_link_to_itself_gives_way_to_the_file(tmp_path):
     assert path.read_text() == "x"
 
 
-def test_a_missing_folder_is_an_error_with_a_mend(tmp_path):
+def test_a_missing_folder_is_an_error_with_a_fix(tmp_path):
     path = tmp_path / "none" / "a.csv"
     with pytest.raises(InputError) as error, whole_file(path) as file:
         file.write("x")

@@ -47,8 +47,8 @@ def refused(path, *parts, read=read_table):
     assert len(message.splitlines()) == 1
     assert len(message) < 500
     assert path.name in message
-    assert error.mend
-    assert message == f"{error.where}: {error.what}; {error.mend}"
+    assert error.fix
+    assert message == f"{error.where}: {error.what}; {error.fix}"
     for part in parts:
         assert part in message, message
 

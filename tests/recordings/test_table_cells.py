@@ -295,7 +295,7 @@ def test_counts_since_1970_by_their_size(tmp_path, unit, factor):
     assert f"'time_s' is read as {unit} since 1970: 2024-03-01" in read_table(path).notes
 
 
-def test_a_count_of_no_known_unit_names_the_mend(tmp_path):
+def test_a_count_of_no_known_unit_names_the_fix(tmp_path):
     rows = [[f"{1e11 + 50 * n:.0f}", *row[1:]] for n, row in enumerate(PLAIN)]
     path = written(tmp_path, text_of(rows))
     with pytest.raises(TableError, match="--column time_s=time_s,unit=ms"):

@@ -296,7 +296,7 @@ def test_a_run_that_fails_keeps_the_files_of_the_one_before(tmp_path, is_new):
         assert {file.name: file.read_bytes() for file in path.iterdir()} == before
 
 
-def test_a_run_that_is_stopped_between_two_names_is_mended_by_the_next(tmp_path, monkeypatch):
+def test_a_run_that_is_stopped_between_two_names_is_fixed_by_the_next(tmp_path, monkeypatch):
     known, path = from_text(MESSAGE), tmp_path / "o"
     whole = Path.replace
 
@@ -390,7 +390,7 @@ def test_mcap_knows_no_time_before_1970(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "form", "mend"),
+    ("text", "form", "fix"),
     [
         ("a.feather", None, "it is called .arrow here"),
         ("a.mdf", None, "it is called .mf4 here"),
@@ -403,7 +403,7 @@ def test_mcap_knows_no_time_before_1970(tmp_path):
         ),
     ],
 )
-def test_a_wrong_name_tells_the_right_one(tmp_path, monkeypatch, text, form, mend):
+def test_a_wrong_name_tells_the_right_one(tmp_path, monkeypatch, text, form, fix):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=mend):
+    with pytest.raises(InputError, match=fix):
         parse_target(text, "--out", form)

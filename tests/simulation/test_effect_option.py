@@ -71,7 +71,7 @@ def test_several_at_once_and_one_on_several_axles():
         (["load_dependence=1e-7"], "leaves no adhesion"),
     ],
 )
-def test_nonsense_is_refused_with_what_where_and_the_mend(texts, words):
+def test_nonsense_is_refused_with_what_where_and_the_fix(texts, words):
     with pytest.raises(InputError) as caught:
         parsed(*texts)
     line = str(caught.value)

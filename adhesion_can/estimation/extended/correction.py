@@ -37,16 +37,14 @@ be mostly noise."""
 # ----------------------------------------------------------- requirements of a model on the data
 
 
-def require_channels(
-    model: ExtendedModel, available: Iterable[str], source: str, mend: str
-) -> None:
+def require_channels(model: ExtendedModel, available: Iterable[str], source: str, fix: str) -> None:
     """ConfigError where an effect depends on a channel that is not available.
 
     Args:
         model: Extended model.
         available: Names of the available channels.
         source: Source that lacks the channel, for the error.
-        mend: Way to fix it, for the error.
+        fix: Way to fix it, for the error.
 
     """
     present = set(available)
@@ -54,7 +52,7 @@ def require_channels(
         lacking = active.effect.requires.lacks(present)
         if lacking:
             what = f"{active.effect.id} needs {lacking}, which {source} does not give"
-            raise ConfigError(model.where, what, mend)
+            raise ConfigError(model.where, what, fix)
 
 
 def require_axles(model: ExtendedModel, axles: int) -> None:
@@ -118,8 +116,8 @@ def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
         where: Name of the table, for the error.
 
     """
-    mend = "add the column, or give the recording"
-    require_channels(model, samples.covariates, where, mend)
+    fix = "add the column, or give the recording"
+    require_channels(model, samples.covariates, where, fix)
     lacking = {
         "speed": bool((samples.speed == 1.0).all()),
         "load": bool((samples.load == 1.0).all()),
@@ -129,7 +127,7 @@ def require_columns(model: ExtendedModel, samples: Samples, where: str) -> None:
         for channel in sorted(channels_used(active)):
             if lacking[channel]:
                 what = f"no column {_COLUMN[channel]!r}, which {active.effect.id} needs"
-                raise InputError(where, what, mend)
+                raise InputError(where, what, fix)
 
 
 # -------------------------------------------------------------------- samples without the effects

@@ -65,28 +65,28 @@ def parse_choice(text: str) -> ColumnChoice:
         InputError: The text is no such choice.
 
     """
-    where, mend = f"--column {text}", "write NAME=COLUMN[,unit=UNIT][,sign=-1][,late_s=SECONDS]"
+    where, fix = f"--column {text}", "write NAME=COLUMN[,unit=UNIT][,sign=-1][,late_s=SECONDS]"
     first, *others = text.split(",")
     name, equals, column = (part.strip() for part in first.partition("="))
     if not (equals and name and column):
-        raise InputError(where, "not NAME=COLUMN", mend)
+        raise InputError(where, "not NAME=COLUMN", fix)
     given: dict[str, str] = {}
     for other in others:
         key, _, value = (part.strip() for part in other.partition("="))
         if key not in {"unit", "sign", "late_s"}:
-            raise InputError(where, f"unknown key {key!r}", mend)
+            raise InputError(where, f"unknown key {key!r}", fix)
         given[key] = value
     if given.get("sign", "1") not in {"1", "+1", "-1"}:
         raise InputError(where, f"sign {given['sign']!r}", "write sign=1 or sign=-1")
     try:
         late_s = float(given.get("late_s", "0"))
     except ValueError:
-        raise InputError(where, f"late_s {given['late_s']!r} is not a number", mend) from None
+        raise InputError(where, f"late_s {given['late_s']!r} is not a number", fix) from None
     try:
         sign = int(given.get("sign", "1"))
         return ColumnChoice(name, column, given.get("unit"), sign, late_s)
     except ValueError as error:
-        raise InputError(where, str(error), mend) from error
+        raise InputError(where, str(error), fix) from error
 
 
 def apply_choices(columns: Columns, choices: Sequence[ColumnChoice], where: str) -> Columns:
@@ -140,8 +140,8 @@ def _converted(
         found = find_factor(known, unit)
         if found is None:
             what = f"unit {unit!r} of column {choice.column!r} is not known"
-            mend = f"--column {choice.name}='{choice.column}',unit=.. with one of {_listed(known)}"
-            raise TableError(where, what, mend)
+            fix = f"--column {choice.name}='{choice.column}',unit=.. with one of {_listed(known)}"
+            raise TableError(where, what, fix)
         factor = found
     factor *= choice.sign
     if factor == 1.0:

@@ -30,8 +30,8 @@ def read_mat(path: Path) -> Columns:
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except LimitError as error:
-        mend = "save it again in MATLAB, or write it as .csv or .parquet"
-        raise TableError(str(path), str(error), mend) from error
+        fix = "save it again in MATLAB, or write it as .csv or .parquet"
+        raise TableError(str(path), str(error), fix) from error
     return columns
 
 

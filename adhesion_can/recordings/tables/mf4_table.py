@@ -14,7 +14,7 @@ from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4 import open_mf4
 from adhesion_can.recordings.tables.columns import Column, Columns
 
-MEND = "write it again with the tool that made it, or export it as .csv or .parquet"
+FIX = "write it again with the tool that made it, or export it as .csv or .parquet"
 
 
 def holds_channel(path: Path, name: str) -> bool:
@@ -32,7 +32,7 @@ def holds_channel(path: Path, name: str) -> bool:
     except TableError:
         return False
     except LimitError as error:
-        raise TableError(str(path), str(error), MEND) from error
+        raise TableError(str(path), str(error), FIX) from error
 
 
 def read_mf4(path: Path, name: str) -> Columns:
@@ -49,7 +49,7 @@ def read_mf4(path: Path, name: str) -> Columns:
     try:
         (columns,) = read_limited(partial(_columns, path, name), _limits(path))
     except LimitError as error:
-        raise TableError(str(path), str(error), MEND) from error
+        raise TableError(str(path), str(error), FIX) from error
     return columns
 
 
@@ -89,7 +89,7 @@ def _columns(path: Path, name: str) -> Iterator[Columns]:
             values.setdefault("time_s", np.asarray(mdf.get_master(group), dtype=np.float64))
     if len({len(column) for column in values.values()}) > 1:
         what = f"the channels next to {name!r} differ in length"
-        raise TableError(str(path), what, MEND)
+        raise TableError(str(path), what, FIX)
     yield Columns(values, units, (f"using the {len(values)} channels next to {name!r} as columns",))
 
 
@@ -115,8 +115,8 @@ def _opened(path: Path) -> Iterator[Any]:
     except (TableError, MemoryError):
         raise
     except ImportError as error:
-        mend = install_extra("mf4")
-        raise TableError(str(path), "MF4 needs asammdf", mend) from error
+        fix = install_extra("mf4")
+        raise TableError(str(path), "MF4 needs asammdf", fix) from error
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except Exception as error:  # asammdf raises whatever its parsers meet

@@ -117,8 +117,8 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
     named = _slip_column(choices)
     if named != "slip":
         near = suggest(named, heading)
-        mend = near or f"its columns are {', '.join(sorted(heading))[:200]}"
-        raise TableError(str(path), f"no column {named!r} for 'slip'", mend)
+        fix = near or f"its columns are {', '.join(sorted(heading))[:200]}"
+        raise TableError(str(path), f"no column {named!r} for 'slip'", fix)
     raise TableError(
         str(path),
         "a .csv with neither a 'slip' column (a table) nor 'arbitration_id' (a recording)",
@@ -192,12 +192,12 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
 def _require_columns(values: Mapping[str, Column], where: str) -> None:
     """TableError where a column that is needed is missing, or is not numeric."""
     if "slip" not in values:
-        mend = "add it, rename the column, or pass --column slip=ITS_NAME"
-        raise TableError(where, "no column 'slip'", mend)
+        fix = "add it, rename the column, or pass --column slip=ITS_NAME"
+        raise TableError(where, "no column 'slip'", fix)
     by_force = FORCE in values and LOAD in values
     if "adhesion" not in values and not by_force:
-        mend = f"add it, or both {FORCE!r} and {LOAD!r}; --column NAME=ITS_NAME maps a column"
-        raise TableError(where, "no column 'adhesion'", mend)
+        fix = f"add it, or both {FORCE!r} and {LOAD!r}; --column NAME=ITS_NAME maps a column"
+        raise TableError(where, "no column 'adhesion'", fix)
     adhesion = ("adhesion",) if "adhesion" in values else (FORCE, LOAD)
     for name in ("time_s", "slip", *adhesion, "speed_mps", "axle"):
         column = values.get(name)

@@ -108,7 +108,7 @@ def _verdict(record: DriveRecord) -> list[str]:
     for one, number in record.objections.most_common():
         if one in WORDINGS:
             wording = WORDINGS[one]
-            found.append(f"{_share(number, total)} of the time {wording.what}: {wording.mend}.")
+            found.append(f"{_share(number, total)} of the time {wording.what}: {wording.fix}.")
     doubts = [(d, n) for d, n in record.doubts.most_common() if d in DESCRIPTIONS]
     if doubts:
         why = ", ".join(f"{DESCRIPTIONS[d]} ({_share(n, total)})" for d, n in doubts)

@@ -112,7 +112,7 @@ class MessageFolder:
         for entry in self._entries.values():
             entry.file.close()
         named = self._named()
-        # Listed before they are there: what stops the command here is mended by the next run.
+        # Listed before they are there: what stops the command here is fixed by the next run.
         self._write_list({**dict.fromkeys(self._earlier), **named})
         for name, entry in named.items():
             entry.part.rename(self._path / name)
@@ -187,18 +187,18 @@ def listed_files(path: Path) -> list[str]:
     """
     if not path.exists():
         return []
-    mend = "name a new folder, or empty this one"
+    fix = "name a new folder, or empty this one"
     if not (path / LIST).exists():
         # Hidden ones are what a killed run left, or what a desktop puts everywhere.
         if any(not file.name.startswith(".") for file in path.iterdir()):
-            raise InputError(str(path), "contains files that convert did not write", mend)
+            raise InputError(str(path), "contains files that convert did not write", fix)
         return []
     try:
-        document = json.loads(read_small_file(path / LIST, _LARGEST_LIST, mend=mend))
+        document = json.loads(read_small_file(path / LIST, _LARGEST_LIST, fix=fix))
         names = [str(one["file"]) for one in document["files"]]
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(
-            str(path / LIST), "is not a list of files written by convert", mend
+            str(path / LIST), "is not a list of files written by convert", fix
         ) from error
     # A list that somebody changed must not delete what is elsewhere.
     return [name for name in names if Path(name).name == name and not (path / name).is_dir()]

@@ -185,11 +185,11 @@ def parse_target(text: str, option: str, form: str | None = None) -> Target:
                 where, "is a folder", f"name a file, or {path}/ for one file per message"
             )
         if form is not None and f".{form}" != target.suffix:
-            mend = (
+            fix = (
                 f"{where}/ is a folder with one file per message; for a single file, use the "
                 f"suffix .{form}"
             )
-            raise InputError(f"{where} --format {form}", "the suffix names the format", mend)
+            raise InputError(f"{where} --format {form}", "the suffix names the format", fix)
     target.load_module()
     return target
 
@@ -212,12 +212,12 @@ def file_target(path: Path, option: str, suffixes: tuple[str, ...] = SUFFIXES) -
         return Target(path, suffix)
     known = ", ".join(suffixes)
     other = _OTHER_NAMES.get(path.suffix.lower())
-    mend = f"use a suffix of {known}"
+    fix = f"use a suffix of {known}"
     if other in suffixes:
-        mend = f"it is called {other} here; known: {known}"
+        fix = f"it is called {other} here; known: {known}"
     elif not path.suffix and suffixes == SUFFIXES:
-        mend = f"use a suffix of {known}, or {path}/ for a folder with one file per message"
-    raise InputError(f"{option} {path}", "unknown format", mend)
+        fix = f"use a suffix of {known}, or {path}/ for a folder with one file per message"
+    raise InputError(f"{option} {path}", "unknown format", fix)
 
 
 def require_format(path: Path, option: str) -> None:
