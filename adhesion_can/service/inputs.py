@@ -25,7 +25,7 @@ class InputSnapshot(NamedTuple):
         stale: Whether a required input has been silent for more than `STALE_CYCLES` cycles.
         speed: Latest vehicle speed, m/s; None where it is not available.
         totals: Function that counts the frames rejected and, by their counters, lost since the
-            service began; few messages show it.
+            service began; few messages carry it.
         dropped: Number of wheel-speed readings that gave no sample since the last start, by reason.
 
     """

@@ -36,7 +36,7 @@ def enlarge_buffer(bus: can.BusABC) -> None:
 def count_drops(bus: can.BusABC) -> int | None:
     """Number of frames that the kernel dropped for want of room since the bus was opened.
 
-    The kernel counts modulo 2³². None where it does not show: another system, or no socket.
+    The kernel counts modulo 2³². None where it gives no count: another system, or no socket.
     """
     own = socket_of(bus)
     if own is None or sys.platform != "linux":

@@ -38,7 +38,7 @@ class ReconnectingBus:
         sleep: Function that waits for a time, s.
         wait_for_it: Whether a bus that cannot be opened at first is tried again, as a lost one.
         count_unsent: Function that counts the frames that an interface dropped instead of sending;
-            None where it does not show.
+            None where it gives none.
 
     Raises:
         OPENING_ERRORS: The bus cannot be opened, and is not waited for.

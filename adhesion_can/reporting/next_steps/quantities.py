@@ -77,27 +77,28 @@ def _wheel_radius(values: Values, configuration: Configuration) -> Meaning:
 
 
 def _speed_scale(values: Values, configuration: Configuration) -> Meaning:
-    error = values["error"]
     choice = _choice(configuration, Role.VEHICLE_SPEED, 0)
-    factor = (choice.used_factor if choice else 1.0) / (1.0 + error.value)
-    text = f"The vehicle speed reads {_percent(error)} {_high(error)}."
-    return Meaning(text, f"factor = {factor:.5g} at vehicle_speed")
+    return _scaled("The vehicle speed", values["error"], choice, "vehicle_speed")
 
 
 def _effort_gain_of_axle(values: Values, configuration: Configuration) -> Meaning:
-    gain, axle = values["gain"], round(values["axle"].value)
+    axle = round(values["axle"].value)
     choice = _choice(configuration, Role.TRACTIVE_EFFORT, axle)
-    factor = (choice.used_factor if choice else 1.0) / (1.0 + gain.value)
-    text = f"The tractive effort of axle {axle} reads {_percent(gain)} {_high(gain)}."
-    return Meaning(text, f"factor = {factor:.5g} at tractive_effort.{axle}")
+    what = f"The tractive effort of axle {axle}"
+    return _scaled(what, values["gain"], choice, f"tractive_effort.{axle}")
 
 
 def _effort_gain_of_all(values: Values, configuration: Configuration) -> Meaning:
-    gain = values["gain"]
     choice = _choice(configuration, Role.TRACTIVE_EFFORT, 1)
-    factor = (choice.used_factor if choice else 1.0) / (1.0 + gain.value)
-    text = f"The tractive effort of all axles reads {_percent(gain)} {_high(gain)}."
-    return Meaning(text, f"factor = {factor:.5g} at each tractive_effort")
+    what = "The tractive effort of all axles"
+    return _scaled(what, values["gain"], choice, "each tractive_effort")
+
+
+def _scaled(what: str, error: ParameterValue, choice: SignalChoice | None, where: str) -> Meaning:
+    """A quantity that reads high or low by a share, and the factor of its role that corrects it."""
+    factor = (choice.used_factor if choice else 1.0) / (1.0 + error.value)
+    text = f"{what} reads {_percent(error)} {_high(error)}."
+    return Meaning(text, f"factor = {factor:.5g} at {where}")
 
 
 def _effort_bias(values: Values, configuration: Configuration) -> Meaning:
