@@ -165,7 +165,8 @@ def test_any_degenerate_table_ends_in_an_answer_or_a_line(
     columns |= {"speed_mps": 12.0 + np.sin(time_s), "wind": rng.standard_normal(rows)}
     for place, how in changes:
         name = list(columns)[place % len(columns)]
-        columns[name] = ODD[how](columns[name])
+        with np.errstate(over="ignore"):  # huge twice is infinite, which is as degenerate
+            columns[name] = ODD[how](columns[name])
     lines = [",".join(columns)]
     lines += [",".join(repr(float(x)) for x in row) for row in zip(*columns.values(), strict=True)]
     table, model = tmp_path / "t.csv", tmp_path / "m.toml"

@@ -112,7 +112,7 @@ class TestVerdict:
         assert witness["doubt_before"] >= 0.5 >= 0.1 >= witness["doubt_after"]
         assert [cause.effect for cause in found.causes] == ["rail_cleaning"]
         (sentence,) = (s for s in verdict_sentences(found) if s.startswith("Second witness"))
-        assert sentence.endswith("in 0 %: the causes explain its doubt.")
+        assert sentence.endswith("0 % of the time: the causes explain its doubt.")
 
     def test_nobody_is_asked_without_the_option(self, log):
         found = diagnose(log)
