@@ -162,8 +162,14 @@ ALTERNATING = np.where(np.arange(N) % 2 == 0, 9e4, -9e4)
 @pytest.mark.parametrize(
     ("loads", "says"),
     [
-        (-LOADS, "all loads are negative; pass --column normal_load_N=normal_load_N,sign=-1"),
-        (np.where(np.arange(N) < 3, 9e4, -9e4), "2397 of 2400 loads are negative; pass --column"),
+        (
+            -LOADS,
+            "all loads are negative; if the load is positive upwards, pass --column normal_load_N=normal_load_N,sign=-1",
+        ),
+        (
+            np.where(np.arange(N) < 3, 9e4, -9e4),
+            "2397 of 2400 loads are negative; if the load is positive upwards, pass --column",
+        ),
         (ALTERNATING, "1200 of 2400 loads are negative, the others are not"),
     ],
     ids=["all", "all but three", "every other one"],
