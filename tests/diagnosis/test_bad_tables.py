@@ -156,6 +156,7 @@ def test_a_wrong_sign_or_unit_is_an_error_with_the_fix(given, says, tmp_path):
 
 
 LOADS = np.full(N, 9e4)
+UPWARDS = "if the load is positive upwards, pass --column normal_load_N=normal_load_N,sign=-1"
 ALTERNATING = np.where(np.arange(N) % 2 == 0, 9e4, -9e4)
 
 
