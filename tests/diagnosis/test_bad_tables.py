@@ -165,11 +165,11 @@ ALTERNATING = np.where(np.arange(N) % 2 == 0, 9e4, -9e4)
     [
         (
             -LOADS,
-            "all loads are negative; if the load is positive upwards, pass --column normal_load_N=normal_load_N,sign=-1",
+            f"all loads are negative; {UPWARDS}",
         ),
         (
             np.where(np.arange(N) < 3, 9e4, -9e4),
-            "2397 of 2400 loads are negative; if the load is positive upwards, pass --column",
+            f"2397 of 2400 loads are negative; {UPWARDS}",
         ),
         (ALTERNATING, "1200 of 2400 loads are negative, the others are not"),
     ],
