@@ -46,7 +46,7 @@ WORDINGS: Mapping[Objection, Wording] = {
         "most wheel speeds jumped within one cycle, faster than a wheelset can", _UNTIL
     ),
     Objection.EFFORTS_JUMP: Wording(
-        "all efforts jumped, and neither slip nor vehicle speed has answered so far", _UNTIL
+        "all efforts jumped at once, and neither slip nor vehicle speed explains it", _UNTIL
     ),
     Objection.LOADS_JUMP: Wording("all axle loads jumped at once", _UNTIL),
     Objection.SPEED_DEVIATES: Wording(

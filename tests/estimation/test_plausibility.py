@@ -107,16 +107,22 @@ class Sure:
         return replace(KNOWN, c1=c1, c2=c2, c3=c3, mu_max=0.36, lambda_m=0.07)
 
 
-def drive(change=lambda _, row: row, cycles=900, seed=3):
-    """Objections of a drive with noise, a row a cycle; and the estimator's number of samples."""
+def drive(
+    change=lambda _, row: row, cycles=900, seed=3, mass=8e5, outer=lambda _: -0.2, noise=0.02
+):
+    """Objections of a drive with noise, a row a cycle; and the estimator's number of samples.
+
+    `outer` is the acceleration by other forces than those of the wheels, m/s², by the cycle.
+    """
     rng = np.random.default_rng(seed)
     sure = Sure()
-    watched = WatchedEstimator(sure, Locomotive(), PlausibilitySettings(), 0.5)
+    vehicle = Locomotive() if mass == 8e5 else Locomotive(train_mass=mass)
+    watched = WatchedEstimator(sure, vehicle, PlausibilitySettings(), 0.5)
     seen, true_speed = [], 10.0
     for k in range(cycles):
         mu = 0.15 + 0.1 * np.cos((k - 600) / 60.0) + 0.03 * np.arange(6) / 6
-        true_speed += 0.02 * (2.45e5 * mu.sum() / 8e5 - 0.2)
-        speed = true_speed + 0.02 * rng.standard_normal()
+        true_speed += 0.02 * (2.45e5 * mu.sum() / mass + outer(k))
+        speed = true_speed + noise * rng.standard_normal()
         slip = np.interp(mu, curve(np.linspace(0, 0.07, 500)), np.linspace(0, 0.07, 500))
         rim = (1.0 + slip) * true_speed
         speed, rim, mu = change(k, (speed, rim, mu + 0.01 * rng.standard_normal(6)))
@@ -130,7 +136,7 @@ def drive(change=lambda _, row: row, cycles=900, seed=3):
                 speed=speed,
                 load=2.45e5,
                 slip_var=1e-7,
-                slip_common_var=(0.02 / speed) ** 2,
+                slip_common_var=(noise / speed) ** 2,
                 adhesion_var=1e-4,
             )
             for i in range(6)
@@ -148,6 +154,30 @@ def test_a_sound_drive_has_no_objection(seed):
     seen, fed = drive(cycles=3000, seed=seed)
     assert set(seen) == {Objection.NONE}
     assert fed == 18_000
+
+
+LIGHT = 6 * 2.45e5 / 9.81
+"""Mass of a vehicle all of whose axles are driven, kg."""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_brakes_of_a_light_vehicle_are_no_jump_of_its_speed(seed):
+    """Its friction brakes set in, with 1.4 m/s³ for 0.5 s, while the wheels slip ever more."""
+
+    def braked(k):
+        return -1.7 - 1.4 * np.clip(0.02 * (k - 600), 0.0, 0.5)
+
+    def slipping(k, row):
+        speed, rim, mu = row
+        return speed, rim + 0.02 * max(k - 600, 0), mu
+
+    def and_jumping(k, row):
+        speed, rim, mu = slipping(k, row)
+        return speed - 0.5 * (k >= 600), rim, mu
+
+    light = {"cycles": 660, "seed": seed, "mass": LIGHT, "outer": braked, "noise": 0.01}
+    assert Objection.SPEED_JUMP not in drive(slipping, **light)[0]
+    assert Objection.SPEED_JUMP in drive(and_jumping, **light)[0][600:625]
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,10 @@ FOLLOWED = 0.5
 """Share of the deviation of the vehicle speed that the wheels follow where the vehicle moves so."""
 LEAST_SPEED_JUMP = 0.002
 """Deviation of the vehicle speed that is reported at least, as a share of it."""
+OUTER_JERK = 1.5
+"""Jerk of a vehicle alone by other forces than those of its driven wheels, m/s³: by its friction
+brakes, or a coupled vehicle. A train has less by the vehicle's share of its mass, since brakes
+apply one vehicle after the other."""
 LEAST_WHEEL_JUMP = 0.003
 """Step of most wheel speeds that is reported at least, as a share of them."""
 ANSWER_CYCLES = 10
@@ -221,6 +225,7 @@ class PlausibilityWatch(Stateful):
         deviations = (_WEIGHTS @ self._speeds.rows).tolist()
         weight = 1.0 / min(self._known + 1, MEMORY)
         least = LEAST_SPEED_JUMP * self._speeds.rows.item(-1, 0)
+        jolt = OUTER_JERK * min(self._share.value, 1.0) * _JERK_CYCLES2 * self._cycle_s**2
         squares: list[float] = []
         for number, (speed, wheels, force) in enumerate(deviations):
             moved = self._share.largest * force
@@ -228,6 +233,7 @@ class PlausibilityWatch(Stateful):
             limit = self._settings.alarm**2 * self._square[number]
             if self._known >= LEAST_KNOWN:
                 followed = wheels * copysign(1.0, rest) >= FOLLOWED * abs(rest)
+                least = max(least, jolt) if number == 0 else least
                 if rest * rest > max(limit, least * least) and not followed:
                     return Objection.SPEED_JUMP if number == 0 else Objection.SPEED_DEVIATES
                 # What is far out counts as half of that: it may be the beginning of a fault.
@@ -305,3 +311,6 @@ def _averaged(old: list[float], new: list[float], weight: float) -> list[float]:
 
 
 _WEIGHTS = extrapolation(COURSE, WINDOWS)
+_CYCLES = np.arange(COURSE)
+_JERK_CYCLES2 = max(abs(_WEIGHTS[0] @ np.maximum(_CYCLES - k, 0) ** 2 / 2) for k in range(COURSE))
+"""Largest deviation in the window for steps by a jerk of 1 that sets in, in squares of a cycle."""
