@@ -44,6 +44,8 @@ def answered(kind, folder, seed):
     assert answer.status == 0, answer.err
     for cause in answer.document["causes"]:
         assert has_size(cause), cause
+        # A cause with every effect as its rival would name everything.
+        assert len(cause["rivals"]) <= 1, cause
     return truth, answer
 
 

@@ -8,6 +8,7 @@ import pytest
 from adhesion_can import diagnose, simulate
 from adhesion_can.diagnosis.inference import confirm_on_hold_out
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison
 from adhesion_can.diagnosis.refutation import environments, refute
 
@@ -48,6 +49,12 @@ def worn(tmp_path_factory):
 
 def test_a_cause_is_named_where_noise_is_left(worn):
     assert [cause.effect for cause in diagnose(worn).causes] == ["wheel_radius"]
+
+
+@pytest.mark.parametrize(("p_value", "is_named"), [(0.005, True), (0.02, False)])
+def test_a_cause_is_named_at_the_one_percent_level(worn, monkeypatch, p_value, is_named):
+    monkeypatch.setattr(ModelSelection, "p_value", lambda *_: p_value)
+    assert [cause.effect for cause in diagnose(worn).causes] == ["wheel_radius"] * is_named
 
 
 def test_a_cause_with_too_small_a_share_is_the_closest(worn, monkeypatch):

@@ -296,6 +296,8 @@ def _record(kind, causes, verdict="named", channel=None, hidden=None, wanted=Non
         ("pair:humidity+sanding", [_cause("humidity", "sanding")], "one"),
         ("pair:humidity+sanding", [_cause("slow_drift", "humidity"), _cause("sanding")], "both"),
         ("pair:humidity+sanding", [_cause("slow_drift")], "wrong"),
+        ("humidity", [_cause("humidity", "sanding", "slow_drift")], "wrong"),
+        ("pair:humidity+sanding", [_cause("slow_drift", "humidity", "sanding")], "wrong"),
         ("null:1", [_cause("humidity")], "wrong"),
         ("out:hump", [_cause("humidity")], "wrong"),
     ],

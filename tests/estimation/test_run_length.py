@@ -64,6 +64,12 @@ def declared(estimates):
 # ------------------------------------------------------------------------------- Bayes factors
 
 
+@pytest.mark.parametrize(("factor", "is_declared"), [(1e8, False), (3e9, True)])
+def test_a_change_needs_a_bayes_factor_of_a_billion(factor, is_declared):
+    """It is declared from a probability of 1/2; before the data an update has 1e-9."""
+    assert (contenders().probability(np.log([factor])) >= 0.5) == is_declared
+
+
 @FIXED
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.sampled_from([0.01, 0.1]))
 def test_factor_is_that_of_the_written_out_densities(seed, n, sd):

@@ -10,6 +10,8 @@ from plan import find_group, split_form
 
 Record = dict[str, Any]
 CONTACT_GROUPS = ("contact", "contact+", "points")
+MOST_RIVALS = 1
+"""Rivals that a cause may have; with more it names everything and nothing, and counts as wrong."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +109,14 @@ def _is_factor_of(channel: str, cause: Record) -> bool:
 
 
 def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
+    causes = diagnosis["causes"]
+    names = tuple(cause["effect"] for cause in causes)
+    if any(len(_rivals(cause)) > MOST_RIVALS for cause in causes):
+        return "wrong", names
     if find_group(record["kind"]) in CONTACT_GROUPS:
         return contact_outcome(record, diagnosis)
     if find_group(record["kind"]) in OUTSIDE_GROUPS:
         return outside_outcome(record, diagnosis)
-    causes = diagnosis["causes"]
-    names = tuple(cause["effect"] for cause in causes)
     true = [e["effect"] for e in record["truth"]["effects"]]
     verdict, channel = diagnosis["verdict"], diagnosis["channel"]
     if find_group(record["kind"]) in ("null", "out"):
