@@ -4,16 +4,26 @@ A wrong guess costs more than none: two signals that fit a role about equally we
 neither is taken.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from cantools.database.can import Message, Signal
 
+from adhesion_can.bus.axle_numbers import (
+    LETTER_DOUBT,
+    count_from_zero,
+    count_through_bogies,
+    find_letters,
+    without_unnumbered,
+)
 from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
 from adhesion_can.bus.role_words import (
     AGAINST,
     AXLE_MESSAGES,
+    FORCES,
     GROUPS,
+    ONE_WHEEL,
     OTHERS,
     PAIRS,
     SIDES,
@@ -22,12 +32,14 @@ from adhesion_can.bus.role_words import (
     STATES,
     VEHICLE_WHOLE,
     WHEEL,
+    bogie_number,
     counts_axles,
     split_words,
 )
-from adhesion_can.bus.shared_efforts import find_shared_efforts
+from adhesion_can.bus.shared_signals import find_shared
 from adhesion_can.bus.signal_columns import find_obstacle
-from adhesion_can.bus.units import UNITS, find_factor, to_si
+from adhesion_can.bus.signal_signs import Signs, signs_of
+from adhesion_can.bus.units import to_si
 from adhesion_can.physics.readings import PER_AXLE, Role
 from adhesion_can.physics.vehicle import MOST_AXLES
 
@@ -35,6 +47,9 @@ LEAST_SCORE = 3
 """Score from which a signal is a candidate: a name that fits, and nothing against it."""
 CLEAR_LEAD = 1
 """Lead over the next candidate with which the better one is taken."""
+WHEEL_LOAD_DOUBT = "the load of one wheel by its name, taken twice for the axle"
+FORCE_DOUBT = "a force that cannot be negative is an effort or a load"
+_FORCES_ON_AXLES = (Role.TRACTIVE_EFFORT, Role.AXLE_LOAD)
 
 
 def guess_roles(messages: Iterable[Message]) -> GuessedRoles:
@@ -44,9 +59,19 @@ def guess_roles(messages: Iterable[Message]) -> GuessedRoles:
         messages: Messages of a database, in cantools' form.
 
     """
-    found = [g for m in messages for signal in m.signals for g in _guesses(m, signal)]
+    messages = list(messages)
+    letters = find_letters(messages)
+    found = [
+        guess
+        for message in messages
+        for signal in message.signals
+        for guess in _clearer(
+            list(_guesses(message, signal, letters.get((message.name, signal.name))))
+        )
+    ]
+    found = count_through_bogies(without_unnumbered(found))
     by_role: dict[str, list[RoleGuess]] = {}
-    for guess in (*found, *_counted_from_zero(found)):
+    for guess in (*found, *count_from_zero(found)):
         if guess.axle or guess.role not in PER_AXLE:
             by_role.setdefault(guess.name, []).append(guess)
     taken: list[RoleGuess] = []
@@ -59,67 +84,164 @@ def guess_roles(messages: Iterable[Message]) -> GuessedRoles:
         else:
             rivals[name] = tuple(best)
     _leave_out_doubles(taken, rivals)
-    shared = find_shared_efforts(taken, rivals)
-    kept = sorted((guess for guess in taken if guess not in shared), key=_order)
-    return GuessedRoles(tuple(kept), dict(sorted(rivals.items())), shared)
+    shared = find_shared(taken, rivals)
+    for guess in taken:
+        if guess.doubts and guess not in shared:
+            rivals[guess.name] = (guess,)
+    kept = sorted((g for g in taken if g not in shared and not g.doubts), key=_order)
+    in_order = sorted(rivals.items(), key=lambda item: _order(item[1][0]))
+    return GuessedRoles(tuple(kept), dict(in_order), shared)
 
 
-def _counted_from_zero(found: Sequence[RoleGuess]) -> Iterable[RoleGuess]:
-    """Guesses of the axles one higher, for roles of which a signal has the number 0.
-
-    Whether 0 is the first axle or something else nobody knows: the signals become rivals.
-    """
-    roles = {guess.role for guess in found if guess.role in PER_AXLE and not guess.axle}
-    for guess in found:
-        if guess.role in roles:
-            yield replace(guess, axle=guess.axle + 1)
+def _clearer(guesses: list[RoleGuess]) -> list[RoleGuess]:
+    """Guesses of a signal, of an effort and a load the one that its name and range fit better."""
+    forces = [guess for guess in guesses if guess.role in _FORCES_ON_AXLES]
+    best = max((guess.score for guess in forces), default=0)
+    return [g for g in guesses if g not in forces or g.score > best - CLEAR_LEAD]
 
 
 def _leave_out_doubles(taken: list[RoleGuess], rivals: dict[str, tuple[RoleGuess, ...]]) -> None:
     """A signal that fits two roles is taken for neither."""
-    places = [guess.place for guess in taken]
-    places += {rival.place for alike in rivals.values() for rival in alike}
-    for guess in [one for one in taken if places.count(one.place) > 1]:
+    uses: dict[str, list[RoleGuess]] = {}
+    for guess in (*taken, *(rival for alike in rivals.values() for rival in alike)):
+        uses.setdefault(guess.place, []).append(guess)
+    for guess in [one for one in taken if len(uses[one.place]) > 1]:
+        # Another role by its name alone: the doubt is that of a series of axles.
+        others = " or ".join(
+            one.name if one.role is guess.role else str(one.role)
+            for one in uses[guess.place]
+            if one.name != guess.name
+        )
         taken.remove(guess)
-        rivals[guess.name] = (guess,)
+        rivals[guess.name] = (replace(guess, doubts=(*guess.doubts, f"also fits {others}")),)
 
 
 def _order(guess: RoleGuess) -> tuple[int, int]:
     return list(Role).index(guess.role), guess.axle
 
 
-def _guesses(message: Message, signal: Signal) -> Iterable[RoleGuess]:
-    """Roles that a signal fits, each with its score."""
+class _Place(NamedTuple):
+    """What the names of a signal say about the axle that it belongs to.
+
+    Attributes:
+        axle: Number of the axle; None: they have none.
+        of_axle: Whether the number follows a word for an axle.
+        group: Motor, bogie or inverter by its English name; '' where they name none.
+        bogie: Number of the bogie; None: they have none.
+        doubts: What has to be asked about the number, a clause each.
+
+    """
+
+    axle: int | None
+    of_axle: bool
+    group: str
+    bogie: int | None
+    doubts: tuple[str, ...]
+
+    @property
+    def is_numbered(self) -> bool:
+        return self.axle is not None and self.axle <= MOST_AXLES
+
+    def excludes(self, role: Role, words: Collection[str]) -> bool:
+        """Whether a role needs a number that the names do not have."""
+        if role not in PER_AXLE or self.is_numbered:
+            return False
+        if self.axle is not None or set(words) & (WHEEL | SIDES):
+            return True
+        # An effort without a number may be that of all axles, and so may the load of a bogie.
+        return not (
+            role is Role.TRACTIVE_EFFORT or (role is Role.AXLE_LOAD and self.group == "bogie")
+        )
+
+
+def _place(message: Message, signal: Signal, letter: int | None) -> _Place:
     words, number = split_words(signal.name)
     around, around_number = split_words(message.name)
+    own = set(words)
+    doubts: tuple[str, ...] = ()
+    axle = None if own & SIDES else number  # a wheel of a side is no axle
+    by_message = number is None and letter is None
+    if by_message and set(around) & (AXLE_MESSAGES | GROUPS.keys()):
+        axle = around_number
+    elif number is None and letter is not None and not own & SIDES:
+        axle, doubts = letter, (LETTER_DOUBT,)
+    group = next((GROUPS[word] for word in (*words, *around) if word in GROUPS), "")
+    of_axle = (
+        counts_axles(signal.name)
+        or (by_message and counts_axles(message.name))
+        or (number is not None and not group and bool(own & (WHEEL - ONE_WHEEL)))
+    )
+    bogie = bogie_number(signal.name) or bogie_number(message.name)
+    return _Place(axle, of_axle, group, bogie, doubts)
+
+
+def _guesses(message: Message, signal: Signal, letter: int | None) -> Iterable[RoleGuess]:
+    """Roles that a signal fits, each with its score."""
+    words, number = split_words(signal.name)
+    around = split_words(message.name)[0]
     if find_obstacle(signal, message):
         return
-    axle = None if set(words) & SIDES else number  # a wheel of a side is no axle
-    if number is None and set(around) & (AXLE_MESSAGES | GROUPS.keys()):
-        axle = around_number
-    of_axle = counts_axles(signal.name) or (number is None and counts_axles(message.name))
-    group = next((GROUPS[word] for word in (*words, *around) if word in GROUPS), "")
-    roles = [role for role in Role if role is not Role.CHANNEL]
-    if axle is None or axle > MOST_AXLES:
-        roles = [role for role in roles if role not in PER_AXLE]
-    for role in roles:
+    place = _place(message, signal, letter)
+    for role in (role for role in Role if role is not Role.CHANNEL):
         # A motor or a bogie has an effort that counts; its speed and its load are other quantities.
         against = AGAINST - GROUPS.keys() if role is Role.TRACTIVE_EFFORT else AGAINST
-        if set(words) & against:
+        if set(words) & against or place.excludes(role, words):
             continue
         named, kind = _named(role, words, around), _kind(role, signal)
         if role is Role.WHEEL_SPEED and not named:
-            named = _named_by_rotation(signal, words)
+            named = _named_by_wheel(words)
+        signs = _points_of_signs(role, signal, set(words))
         doubtful = 2 if set(around) & against else 0
-        if role is Role.TRACTIVE_EFFORT and group and not of_axle:
+        if role is Role.TRACTIVE_EFFORT and place.group and not place.of_axle:
             doubtful += 1  # less likely an axle's than a signal that names axles
         # One of several vehicle speeds is less likely the one.
         several = 1 if role is Role.VEHICLE_SPEED and number is not None else 0
         score = named + 2 - doubtful - several
-        if named and kind and score >= LEAST_SCORE:
-            place = axle or 0 if role in PER_AXLE else 0
-            reasons = ("its name", kind)
-            yield RoleGuess(role, place, message, signal, score, reasons, group, of_axle)
+        if named and kind and score >= LEAST_SCORE and signs is not None:
+            guess = RoleGuess(role, 0, message, signal, score - signs, ("its name", kind))
+            yield _of_axle(guess, place, words) if role in PER_AXLE else guess
+
+
+def _of_axle(guess: RoleGuess, place: _Place, words: Collection[str]) -> RoleGuess:
+    """A guess with what the names say about its axle."""
+    doubts, share = place.doubts, 1.0
+    if guess.role is Role.AXLE_LOAD and set(words) & ONE_WHEEL:
+        doubts, share = (*doubts, WHEEL_LOAD_DOUBT), 2.0
+    if guess.role in _FORCES_ON_AXLES and _is_any_force(guess, set(words)):
+        doubts = (*doubts, FORCE_DOUBT)
+    return replace(
+        guess,
+        axle=1 if place.axle is None else place.axle,
+        group=place.group,
+        of_axle=place.of_axle,
+        share=share,
+        doubts=doubts,
+        bogie=place.bogie,
+        numbered=place.is_numbered,
+    )
+
+
+def _is_any_force(guess: RoleGuess, own: set[str]) -> bool:
+    """Whether neither the words nor the signs of a force show what it is."""
+    return own & SINGLE[guess.role] <= FORCES and signs_of(guess.signal) is Signs.POSITIVE
+
+
+def _points_of_signs(role: Role, signal: Signal, own: set[str]) -> int | None:
+    """Points that the signs of its values cost an effort or a load; None where they rule it out.
+
+    A load has no negative values, and an effort has some. Words of any force, and 'Fz', leave the
+    decision to the signs.
+    """
+    if role not in _FORCES_ON_AXLES:
+        return 0
+    signs = signs_of(signal)
+    if role is Role.TRACTIVE_EFFORT:
+        return 1 if signs is Signs.POSITIVE else 0
+    if signs is Signs.BOTH:
+        return None
+    if own & SINGLE[role] <= FORCES:
+        return 1 if signs is Signs.POSITIVE else None
+    return 0
 
 
 def _kind(role: Role, signal: Signal) -> str:
@@ -144,11 +266,10 @@ def _named(role: Role, words: Sequence[str], around: Sequence[str]) -> int:
     return _two(own, both, *PAIRS[role])
 
 
-def _named_by_rotation(signal: Signal, words: Sequence[str]) -> int:
-    """Points of a wheel whose name has no word for speed and whose unit is that of a rotation."""
+def _named_by_wheel(words: Sequence[str]) -> int:
+    """Points of a wheel whose name has no word for speed; its unit then has to be that of one."""
     own = set(words)
-    turns = find_factor(UNITS[Role.WHEEL_SPEED], signal.unit or "") is not None
-    return 2 if turns and own & WHEEL and not own & OTHERS[Role.WHEEL_SPEED] else 0
+    return 2 if own & WHEEL and not own & OTHERS[Role.WHEEL_SPEED] else 0
 
 
 def _two(own: set[str], both: set[str], quantity: set[str], thing: set[str]) -> int:

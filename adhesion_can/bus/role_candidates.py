@@ -1,14 +1,37 @@
-"""Signals that no role was guessed for: those that may have one all the same, and the others."""
+"""Signals that may have a role for which none was guessed, and those without any role."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.role_guess import GuessedRoles
 from adhesion_can.bus.role_words import PAIRS, SINGLE, WHEEL, split_words
 from adhesion_can.bus.signal_columns import find_obstacle
+from adhesion_can.bus.signal_signs import Signs, signs_of
 from adhesion_can.bus.units import to_si
 from adhesion_can.physics.readings import REQUIRED, Role
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A signal that may have a role that was not found.
+
+    Attributes:
+        message: Message of the signal.
+        signal: Signal.
+        uses: Other roles that it is taken for or open for, a clause each.
+
+    """
+
+    message: Message
+    signal: Signal
+    uses: tuple[str, ...] = ()
+
+    @property
+    def place(self) -> str:
+        """Signal as configurations spell it, `Message.Signal`."""
+        return f"{self.message.name}.{self.signal.name}"
 
 
 def unused_signals(
@@ -22,12 +45,11 @@ def unused_signals(
                 yield message, signal
 
 
-def candidates(
-    messages: Iterable[Message], guessed: GuessedRoles, role: Role
-) -> list[tuple[Message, Signal]]:
-    """Signals without a guess that may have a role, those with fitting names first.
+def candidates(messages: Iterable[Message], guessed: GuessedRoles, role: Role) -> list[Candidate]:
+    """Signals that may have a role: without a role first, of these those with fitting names.
 
-    For a role that is required the unit suffices; for another one the names have to fit too.
+    For a role that is required the unit suffices; for another one the names have to fit too, and
+    signals with another role are none. An effort that cannot be negative comes after those that can.
 
     Args:
         messages: Messages of the database.
@@ -36,16 +58,34 @@ def candidates(
 
     """
     found = []
-    for message, signal in unused_signals(messages, guessed):
-        words = {*split_words(signal.name)[0], *split_words(message.name)[0]}
-        known = SINGLE[role] if role in SINGLE else PAIRS[role][1]
-        named = len(words & known)
-        if not _has_unit(role, signal, words) or find_obstacle(signal, message):
-            continue
-        if named or role in REQUIRED:
-            found.append((-named, message, signal))
-    found.sort(key=lambda one: (one[0], one[1].name, one[2].name))
-    return [(message, signal) for _, message, signal in found]
+    for message in messages:
+        for signal in message.signals:
+            uses = guessed.uses_of(f"{message.name}.{signal.name}", role)
+            one = Candidate(message, signal, tuple(uses))
+            words = {*split_words(signal.name)[0], *split_words(message.name)[0]}
+            known = SINGLE[role] if role in SINGLE else PAIRS[role][1]
+            named = len(words & known)
+            if not _has_unit(role, signal, words) or find_obstacle(signal, message):
+                continue
+            if role in REQUIRED or (named and not one.uses):
+                found.append((_rank(role, one), -named, message.name, signal.name, one))
+    found.sort(key=lambda row: row[:4])
+    return [row[-1] for row in found]
+
+
+def torques(messages: Iterable[Message]) -> list[str]:
+    """Signals in units of torque, `Message.Signal`, from which an effort can be computed."""
+    return [
+        f"{message.name}.{signal.name}"
+        for message in messages
+        for signal in message.signals
+        if (signal.unit or "").replace("·", "").strip().lower() in ("nm", "knm")
+    ]
+
+
+def _rank(role: Role, one: Candidate) -> tuple[bool, bool]:
+    one_sided = role is Role.TRACTIVE_EFFORT and signs_of(one.signal) is Signs.POSITIVE
+    return bool(one.uses), one_sided
 
 
 def _has_unit(role: Role, signal: Signal, words: set[str]) -> bool:

@@ -7,6 +7,9 @@ from cantools.database.can import Message, Signal
 
 from adhesion_can.physics.readings import Role, role_name
 
+CHOSEN = ("chosen",)
+"""Reasons of a signal that the user chose."""
+
 
 @dataclass(frozen=True, slots=True)
 class RoleGuess:
@@ -21,7 +24,10 @@ class RoleGuess:
         reasons: What speaks for it, a few words each.
         group: What it belongs to by its names: 'motor', 'bogie', 'inverter', or '' for an axle.
         of_axle: Whether its number follows a word for an axle.
-        share: Share of the signal's value that belongs to the axle.
+        share: Factor on the signal's value that gives the axle's.
+        doubts: What has to be asked before it is taken, a clause each.
+        bogie: Number of the bogie that its names state; None: they state none.
+        numbered: Whether its names have a number or letter for `axle`.
 
     """
 
@@ -34,6 +40,9 @@ class RoleGuess:
     group: str = ""
     of_axle: bool = False
     share: float = 1.0
+    doubts: tuple[str, ...] = ()
+    bogie: int | None = None
+    numbered: bool = True
 
     @property
     def name(self) -> str:
@@ -52,9 +61,10 @@ class GuessedRoles:
 
     Attributes:
         taken: Guesses that are clear, no signal in two of them.
-        rivals: Guesses by role of which none is clearly the better one, best first.
-        shared: Efforts of motors or bogies that drive several axles; `axle` is the number of the
-            motor or bogie.
+        rivals: Guesses by role of which none is clearly the better one, best first; one guess
+            where it has to be asked.
+        shared: Efforts of motors, and efforts and loads of bogies, that have several axles; `axle`
+            is the number of the motor or bogie.
 
     """
 
@@ -67,3 +77,24 @@ class GuessedRoles:
         """Signals that are taken, rivals or shared, as `Message.Signal`."""
         rivals = (rival for alike in self.rivals.values() for rival in alike)
         return {guess.place for guess in (*self.taken, *rivals, *self.shared)}
+
+    def shared_of(self, role: Role) -> tuple[RoleGuess, ...]:
+        """Shared signals of a role, by the number of the motor or bogie."""
+        return tuple(guess for guess in self.shared if guess.role is role)
+
+    def uses_of(self, place: str, role: Role) -> list[str]:
+        """Other roles that a signal is taken for or may have: 'taken for axle_load.1', a clause each.
+
+        Args:
+            place: Signal as `Message.Signal`.
+            role: Role whose own use does not count.
+
+        """
+        rivals = (rival for alike in self.rivals.values() for rival in alike)
+        rows = [
+            *((one, f"taken for {one.name}") for one in self.taken),
+            *((one, f"open for {one.name}") for one in rivals),
+            *((one, f"open for {one.role}") for one in self.shared),
+        ]
+        uses = [use for one, use in rows if one.place == place and one.role is not role]
+        return list(dict.fromkeys(uses))

@@ -5,25 +5,33 @@ Words are in lower case and without umlauts; languages are mixed, as in the data
 
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from adhesion_can.physics.readings import Role
 
 WHEEL = {"wheel", "whl", "wheelset", "wheelspeed", "whlspd", "axle", "axl", "ax", "axis",
-          "radsatz", "rs", "rad", "achse", "achs", "omega", "essieu", "roue", "eje", "rueda",
+          "radsatz", "rs", "rad", "achse", "achs", "omega", "essieu", "ess", "roue", "eje", "rueda",
           "asse", "ruota"}  # fmt: skip
+ONE_WHEEL = {"wheel", "whl", "rad", "radlast", "roue", "rueda", "ruota"}
+"""Words of one wheel, of which an axle has two; a speed of it is that of the axle."""
 SPEED = {"speed", "spd", "velocity", "vel", "v", "n", "omega", "w", "drehzahl", "rpm",
           "geschwindigkeit", "geschw", "vitesse", "velocidad", "velocita", "rotspeed", "tacho",
           "whlspd", "wheelspeed"}  # fmt: skip
 _VEHICLE = {"vehicle", "veh", "train", "ground", "fahrzeug", "fzg", "zug", "loco", "radar",
             "gnss", "gps", "odometry", "odometer", "odo", "ist", "true", "actual", "act", "fahr",
-            "trein", "tram"}  # fmt: skip
+            "trein", "tram", "vehicule", "rame", "treno", "tren", "veicolo"}  # fmt: skip
 VEHICLE_WHOLE = {"vehiclespeed", "groundspeed", "trainspeed", "fahrgeschwindigkeit", "vfzg",
                   "vveh", "vist", "vtrain", "zuggeschwindigkeit"}  # fmt: skip
-_EFFORT = {"effort", "te", "force", "zugkraft", "kraft", "antriebskraft", "tractiveeffort",
-           "tractive", "traction", "traktion", "tracteff", "rimforce", "fx", "f", "effortrim",
-           "fuerza", "forza", "zk"}  # fmt: skip
+_EFFORT = {"effort", "te", "zugkraft", "antriebskraft", "tractiveeffort", "tractive", "traction",
+           "traktion", "tracteff", "rimforce", "fx", "effortrim", "zk"}  # fmt: skip
+FORCES = {"force", "kraft", "f", "fuerza", "forza"}
+"""Words of any force: an effort, and a load where it has no negative values."""
+FZ = {"fz"}
+"""Word of the vertical force, and of the German 'Zugkraft': the range decides."""
 _LOAD = {"load", "weight", "last", "achslast", "radlast", "radsatzlast", "axleload", "axload",
-         "charge", "normal", "fz", "gewicht", "carga"}  # fmt: skip
+         "charge", "normal", "gewicht", "carga", "poids", "peso", "masse", "mass"}  # fmt: skip
+_WHOLE = {"vehicle", "veh", "train", "fahrzeug", "fzg", "loco", "tram", "wagen", "car", "body",
+          "kasten", "caisse", "rame", "treno", "tren"}  # fmt: skip
 _AMBIENT = {"ambient", "outside", "outdoor", "aussen", "umgebung", "air", "amb", "luft"}
 _RAIL = {"rail", "schiene", "schienen"}
 _TEMPERATURE = {"temperature", "temp", "temperatur", "tmp", "t"}
@@ -43,14 +51,21 @@ AGAINST = {"setpoint", "set", "soll", "demand", "dmd", "req", "request", "target
             "threshold", "acc", "accel", "acceleration", "offset", "crc", "alive", "counter", "cnt",
             "creep", "slip", "schlupf", "cabin", "innen", "inside", "coolant", "inverter",
             "gearbox", "bearing", "lager", "oel", "display", "anzeige", "trailer", "sum", "total",
-            "all", "whole", "angle", "level", "tank", "door"}  # fmt: skip
+            "all", "whole", "angle", "level", "tank", "door", "sollwert", "vorgabe", "anforderung",
+            "grenze", "mittel", "mittelwert", "gueltig", "verfuegbar", "fehler", "brems", "roh",
+            "consigne", "demande", "limite", "moyen", "moyenne", "defaut", "valide", "validite",
+            "etat", "frein", "freinage", "freno", "essai"}  # fmt: skip
 """Words that make a signal another quantity, or another form of it, than the measured one."""
 AXLE_MESSAGES = {*WHEEL, "drive", "motor", "mot", "antrieb", "traktion", "traction", "trk"}
 """Words of messages whose number is that of an axle."""
 GROUPS = {
     "motor": "motor",
     "mot": "motor",
+    "moteur": "motor",
+    "motore": "motor",
     "bogie": "bogie",
+    "bog": "bogie",
+    "bg": "bogie",
     "truck": "bogie",
     "drehgestell": "bogie",
     "dg": "bogie",
@@ -85,8 +100,8 @@ PAIRS: Mapping[Role, tuple[set[str], set[str]]] = {
 }
 """Words of the quantity and of the thing that has it, by role."""
 SINGLE: Mapping[Role, set[str]] = {
-    Role.TRACTIVE_EFFORT: _EFFORT,
-    Role.AXLE_LOAD: _LOAD,
+    Role.TRACTIVE_EFFORT: _EFFORT | FORCES | FZ,
+    Role.AXLE_LOAD: _LOAD | FORCES | FZ,
     Role.SPEED_SOURCE: SOURCE,
     Role.HUMIDITY: _HUMIDITY,
     Role.SANDING: _SANDING,
@@ -100,12 +115,19 @@ OTHERS: Mapping[Role, frozenset[str]] = {
     Role.WHEEL_SPEED: frozenset(_VEHICLE - {"act", "ist", "actual", "true"}),
     Role.VEHICLE_SPEED: frozenset(WHEEL | SOURCE),
     Role.TRACTIVE_EFFORT: frozenset(_LOAD),
+    Role.AXLE_LOAD: frozenset(_EFFORT | _WHOLE),
 }
 """Words of the signal's own name that make it another quantity."""
 
 
-_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "é": "e", "è": "e"})
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "é": "e", "è": "e",
+                          "ê": "e", "à": "a", "ô": "o", "ç": "c"})  # fmt: skip
 _COMPOUNDS = {
+    "radgeschwindigkeit": ("rad", "geschwindigkeit"),
+    "achsgeschwindigkeit": ("achse", "geschwindigkeit"),
+    "drehgestelllast": ("drehgestell", "last"),
+    "drehgestellast": ("drehgestell", "last"),
+    "motorzugkraft": ("motor", "zugkraft"),
     "radsatzdrehzahl": ("radsatz", "drehzahl"),
     "raddrehzahl": ("rad", "drehzahl"),
     "achsdrehzahl": ("achse", "drehzahl"),
@@ -122,7 +144,29 @@ _COMPOUNDS = {
 }
 
 
-_PLURALS = {"wheels", "axles", "speeds", "loads", "efforts", "forces"}
+_LETTERS = "abcdefgh"
+_PLURALS = {"wheels", "axles", "speeds", "loads", "efforts", "forces", "bogies", "motors",
+            "essieux", "roues", "charges"}  # fmt: skip
+
+
+class Words(NamedTuple):
+    """A name in parts.
+
+    Attributes:
+        words: Words in lower case, without umlauts.
+        numbers: Numbers.
+        of_axles: Those of the numbers that follow a word for an axle.
+        of_bogies: Numbers, or letters as numbers, that follow a word for a bogie.
+        letter: Its only single letter from a to h as a number from 1, where it has no number;
+            None: it has none.
+
+    """
+
+    words: list[str]
+    numbers: list[int]
+    of_axles: list[int]
+    of_bogies: list[int]
+    letter: int | None
 
 
 def split_words(name: str) -> tuple[list[str], int | None]:
@@ -130,31 +174,46 @@ def split_words(name: str) -> tuple[list[str], int | None]:
 
     Of several numbers the one behind a word for an axle counts.
     """
-    words, numbers, of_axles = _split(name)
-    one = of_axles if len(of_axles) == 1 else numbers
-    return words, one[0] if len(one) == 1 else None
+    parts = split_name(name)
+    one = parts.of_axles if len(parts.of_axles) == 1 else parts.numbers
+    return parts.words, one[0] if len(one) == 1 else None
 
 
 def counts_axles(name: str) -> bool:
     """Whether the number of a name follows a word for an axle."""
-    return len(_split(name)[2]) == 1
+    return len(split_name(name).of_axles) == 1
 
 
-def _split(name: str) -> tuple[list[str], list[int], list[int]]:
-    """Words of a name, its numbers, and those of its numbers that follow a word for an axle."""
+def bogie_number(name: str) -> int | None:
+    """Number of a bogie in a name; None where it has none, or more than one."""
+    found = split_name(name).of_bogies
+    return found[0] if len(found) == 1 else None
+
+
+def split_name(name: str) -> Words:
+    """The parts of a name, by capitals, digits and signs."""
     plain = name.translate(_UMLAUTS)
     plain = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", plain)
     plain = re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1 \2", plain)
-    parts = re.findall(r"[a-z]+|[0-9]+", plain.lower())
     words: list[str] = []
     numbers: list[int] = []
     of_axles: list[int] = []
-    for part in parts:
+    of_bogies: list[int] = []
+    letters: list[int] = []
+    for part in re.findall(r"[a-z]+|[0-9]+", plain.lower()):
+        before = words[-1] if words else ""
         if part.isdigit():
             numbers.append(int(part))
-            if words and words[-1] in WHEEL:
+            if before in WHEEL:
                 of_axles.append(int(part))
+            if GROUPS.get(before) == "bogie":
+                of_bogies.append(int(part))
             continue
+        if part in _LETTERS:
+            letters.append(1 + _LETTERS.index(part))
+            if GROUPS.get(before) == "bogie":
+                of_bogies.append(letters[-1])
         singular = part[:-1] if part in _PLURALS else part
         words.extend(_COMPOUNDS.get(part, (singular,)))
-    return words, numbers, of_axles
+    letter = letters[0] if len(letters) == 1 and not numbers else None
+    return Words(words, numbers, of_axles, of_bogies, letter)

@@ -3,29 +3,31 @@
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.guess_roles import guess_roles
-from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
-from adhesion_can.bus.shared_efforts import distribute
+from adhesion_can.bus.role_candidates import torques
+from adhesion_can.bus.shared_signals import SHARED_ROLES
+from adhesion_can.bus.units import known_units
 from adhesion_can.cli.common import (
     add_lenient,
     require_outputs,
     require_positive,
     tell_left_out,
 )
+from adhesion_can.cli.init_questions import ask, meaning
 from adhesion_can.config.initial_file import (
     REQUIRED,
     InitialConfiguration,
+    candidate_text,
     count_axles,
     initial_text,
     shared_sentence,
 )
-from adhesion_can.config.vehicle_section import VEHICLE_DATA, vehicle_example
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
+from adhesion_can.physics.readings import Role
 from adhesion_can.plurals import counted
 from adhesion_can.printable import say
 
@@ -45,8 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
         "Writes a commented configuration for --config. Roles are guessed from names, units and "
-        "value tables; where two signals fit a role about equally well, and where motors or bogies "
-        "drive several axles, you are asked. What stays open is commented out, or says 'fill in'."
+        "ranges and value tables; where two signals fit a role about equally well, where motors or "
+        "bogies have several axles, and where a needed role has no clear signal, you are asked. "
+        "What stays open is commented out, or says 'fill in'."
     )
     parser.add_argument("--dbc", type=Path, required=True, metavar="F", help="CAN database")
     parser.add_argument(
@@ -59,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--yes", action="store_true", help="take the clear guesses and ask nothing")
     for key, (option, unit, _) in _OPTIONS.items():
-        parser.add_argument(option, dest=key, type=float, metavar=unit, help=_meaning(key))
+        parser.add_argument(option, dest=key, type=float, metavar=unit, help=meaning(key))
     add_lenient(parser)
 
 
@@ -82,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.yes:
         if not sys.stdin.isatty():
             raise InputError(str(options.dbc), _summary(initial), "pass --yes to take the guesses")
-        initial = _ask(initial)
+        initial = ask(initial)
     text = initial_text(initial, options.out)
     if options.out is None:
         sys.stdout.write(text)
@@ -96,19 +99,17 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _meaning(key: str) -> str:
-    """Meaning of a value of the vehicle as one number, with usual values."""
-    return f"{VEHICLE_DATA[key].partition(':')[0]}, {vehicle_example(key)}"
-
-
 def _summary(initial: InitialConfiguration) -> str:
     """What was guessed and what is open, as one line."""
     unclear = list(initial.guessed.rivals)
-    parts = [f"{len(initial.guessed.taken)} roles guessed"]
+    parts = [f"{counted(len(initial.guessed.taken), 'role')} guessed"]
     if unclear:
         parts.append(f"unclear {', '.join(unclear)}")
-    if shared := initial.guessed.shared:
-        parts.append(f"not assigned: {shared_sentence(shared, initial.axles)}")
+    parts.extend(
+        f"not assigned: {shared_sentence(shared, initial.likely_axles)}"
+        for role in SHARED_ROLES
+        if (shared := initial.guessed.shared_of(role))
+    )
     if initial.missing:
         parts.append(f"missing {', '.join(initial.missing)}")
     if initial.to_fill_in:
@@ -121,8 +122,16 @@ def _left_over(initial: InitialConfiguration) -> list[str]:
     lines = []
     for role in initial.absent:
         if role in REQUIRED:
-            found = _some(initial.candidates(role)) or "no signal has a unit that fits"
-            lines.append(f"{role} not found; candidates: {found}")
+            found = [candidate_text(one) for one in initial.candidates(role)]
+            listed = _some(found) or f"no signal has a unit that fits ({known_units(role)})"
+            lines.append(f"{role} not found; candidates: {listed}")
+            if role is Role.TRACTIVE_EFFORT and (ours := torques(initial.database.db.messages)):
+                lines.append(
+                    f'{_some(ours)}: a torque gives an effort with unit = "N" and factor = gear '
+                    "ratio * efficiency / wheel radius (1/m)"
+                )
+    if one_sided := initial.one_sided:
+        lines.append(f"{_some(one_sided)}: cannot be negative; check the sign in braking")
     if unused := initial.unused:
         count = counted(len(unused), "signal")
         lines.append(f"{count} not used: {_some(unused)}")
@@ -133,79 +142,3 @@ def _some(names: Sequence[str]) -> str:
     """The first names of a list, which the file has whole."""
     more = f", and {len(names) - SHOWN} more (the file lists all)" if len(names) > SHOWN else ""
     return ", ".join(names[:SHOWN]) + more
-
-
-def _ask(initial: InitialConfiguration) -> InitialConfiguration:
-    """The configuration with the answers of a person; an empty answer leaves a thing open."""
-    taken, open_roles = list(initial.guessed.taken), dict(initial.guessed.rivals)
-    for name, rivals in initial.guessed.rivals.items():
-        used = {guess.place for guess in taken}
-        free = [rival for rival in rivals if rival.place not in used]
-        chosen = _ask_rival(name, free)
-        if chosen is not None:
-            taken.append(chosen)
-            del open_roles[name]
-    guessed = GuessedRoles(tuple(taken), open_roles, initial.guessed.shared)
-    vehicle = dict(initial.vehicle)
-    axles = count_axles(guessed)
-    if axles is None:
-        axles = _ask_count("axles: number of the axles, such as 4")
-    guessed = _ask_shared(guessed, axles)
-    for key in VEHICLE_DATA:
-        if key not in vehicle and (number := _ask_number(f"{key}: {_meaning(key)}")) is not None:
-            vehicle[key] = number
-    return replace(initial, guessed=guessed, axles=axles, vehicle=vehicle)
-
-
-def _ask_shared(guessed: GuessedRoles, axles: int | None) -> GuessedRoles:
-    """The guesses with the efforts of motors or bogies distributed, where the answer is yes."""
-    proposed = distribute(guessed.shared, axles)
-    if not proposed:
-        return guessed
-    each = round(1 / proposed[0].share)
-    places = ", ".join(guess.place for guess in guessed.shared)
-    say(f"{shared_sentence(guessed.shared, axles)}: {places}")
-    answer = _answer(
-        f"does each drive {each} axles, in this order, with equal shares? y, or Enter for later: "
-    )
-    if answer.lower() not in ("y", "yes"):
-        return guessed
-    return replace(guessed, taken=(*guessed.taken, *proposed), shared=())
-
-
-def _ask_rival(name: str, rivals: list[RoleGuess]) -> RoleGuess | None:
-    if not rivals:
-        return None
-    say(f"{name} may be")
-    for number, rival in enumerate(rivals, start=1):
-        unit = rival.signal.unit or "no unit"
-        say(f"  {number}  {rival.place} ({unit})")
-    while answer := _answer("number, or Enter for none: "):
-        if answer.isdecimal() and 1 <= int(answer) <= len(rivals):
-            return rivals[int(answer) - 1]
-    return None
-
-
-def _ask_number(question: str) -> float | None:
-    while answer := _answer(f"{question} (Enter: later): "):
-        try:
-            number = float(answer)
-        except ValueError:
-            number = 0.0
-        if 0.0 < number < float("inf"):
-            return number
-        say("one number above 0, please; a list goes into the file later")
-    return None
-
-
-def _ask_count(question: str) -> int | None:
-    while answer := _answer(f"{question} (Enter: later): "):
-        if answer.isdecimal() and int(answer) > 0:
-            return int(answer)
-    return None
-
-
-def _answer(question: str) -> str:
-    """Answer of a person; '' at the end of the input."""
-    say(question, end="")
-    return sys.stdin.readline().strip()

@@ -2,13 +2,16 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from cantools.database.can import Signal
+
 from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
-from adhesion_can.bus.role_candidates import candidates, unused_signals
-from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
-from adhesion_can.bus.shared_efforts import distribute
+from adhesion_can.bus.role_candidates import Candidate, candidates, unused_signals
+from adhesion_can.bus.role_guess import CHOSEN, GuessedRoles, RoleGuess
+from adhesion_can.bus.shared_signals import SHARED_ROLES, distribute
+from adhesion_can.bus.signal_signs import Signs, signs_of, stated_range
 from adhesion_can.config.toml_text import quoted
 from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA, vehicle_example
 from adhesion_can.estimation.doubt.settings import HEAVY_LOAD, InstrumentUncertainty
@@ -18,6 +21,7 @@ from adhesion_can.plurals import counted
 REQUIRED = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
 """Roles without which there is no adhesion coefficient."""
 _CHECKSUMS = ("crc", "checksum", "chksum", "pruefsumme")
+_ONE_SIDED = "its values cannot be negative: if it has no sign, braking counts as traction"
 _SIGN_OF_EFFORT = "positive in traction along the direction of travel; otherwise add sign = -1"
 
 
@@ -63,13 +67,25 @@ class InitialConfiguration:
         found = unused_signals(self.database.db.messages, self.guessed)
         return [f"{message.name}.{signal.name}" for message, signal in found]
 
-    def candidates(self, role: Role) -> list[str]:
-        """Signals that may have a role that was not found, `Message.Signal (unit)`, best first."""
-        found = candidates(self.database.db.messages, self.guessed, role)
-        return [
-            _comment(f"{message.name}.{signal.name} ({signal.unit or 'no unit'})")
-            for message, signal in found
-        ]
+    def candidates(self, role: Role) -> list[Candidate]:
+        """Signals that may have a role that was not found, best first."""
+        return candidates(self.database.db.messages, self.guessed, role)
+
+    @property
+    def one_sided(self) -> list[str]:
+        """Signals taken as an effort whose values cannot be negative, as `Message.Signal`."""
+        return list(dict.fromkeys(g.place for g in self.guessed.taken if _is_one_sided(g)))
+
+    @property
+    def likely_axles(self) -> int | None:
+        """Number of axles, or that by the wheel speeds that are still to be confirmed."""
+        if self.axles is not None:
+            return self.axles
+        asked = [alike[0] for alike in self.guessed.rivals.values() if len(alike) == 1]
+        others = {name: one for name, one in self.guessed.rivals.items() if len(one) > 1}
+        return count_axles(
+            replace(self.guessed, taken=(*self.guessed.taken, *asked), rivals=others)
+        )
 
     @property
     def to_fill_in(self) -> list[str]:
@@ -142,13 +158,15 @@ def _instruments(initial: InitialConfiguration) -> str:
 def _roles(initial: InitialConfiguration) -> str:
     lines = ["[roles]"]
     guessed = initial.guessed
-    for guess in guessed.taken:
-        lines.append(f"{_entry(guess)}  # guessed from {_why(guess)}; check")
+    for guess in sorted(guessed.taken, key=lambda one: (list(Role).index(one.role), one.axle)):
+        why = "chosen" if guess.reasons == CHOSEN else f"guessed from {_why(guess)}; check"
+        lines.append(f"{_entry(guess)}  # {why}")
         lines += [f"#   {note}" for note in _notes(guess)]
     for name, rivals in guessed.rivals.items():
         lines.append(f"# {name}: unclear; uncomment the right line, if any:")
-        lines += [f"# {quoted(name)} = {quoted(rival.place)}  # {_why(rival)}" for rival in rivals]
-    lines += _shared(initial)
+        lines += [f"# {_entry(rival)}  # {_why(rival)}" for rival in rivals]
+    for role in SHARED_ROLES:
+        lines += _shared(initial, role)
     if initial.absent:
         lines.append("# Not found; map those that the bus carries:")
     for role in initial.absent:
@@ -156,7 +174,7 @@ def _roles(initial: InitialConfiguration) -> str:
         name = f"{role}.1" if role.per_axle else str(role)
         lines.append(f'# {quoted(name)} = "MESSAGE.SIGNAL"  # {needed}')
         if found := initial.candidates(role):
-            lines.append(f"#   candidates: {', '.join(found)}")
+            lines.append(f"#   candidates: {', '.join(map(candidate_text, found))}")
     return "\n".join(lines) + "\n"
 
 
@@ -168,27 +186,48 @@ def _entry(guess: RoleGuess) -> str:
     return f"{quoted(guess.name)} = {{ signal = {quoted(guess.place)}, factor = {factor} }}"
 
 
+def signals_text(guesses: Sequence[RoleGuess]) -> str:
+    """Signals with unit and stated range: `Message.Signal (kN, -60 to 60)`; what is alike once."""
+    texts = [f"({one.signal.unit or 'no unit'}{_range_text(one.signal)})" for one in guesses]
+    if len(set(texts)) == 1:
+        return _comment(f"{', '.join(one.place for one in guesses)} {texts[0]}")
+    rows = zip(guesses, texts, strict=True)
+    return _comment(", ".join(f"{one.place} {text}" for one, text in rows))
+
+
+def _range_text(signal: Signal) -> str:
+    ends = stated_range(signal)
+    return "" if ends is None else f", {ends[0]:g} to {ends[1]:g}"
+
+
+def candidate_text(one: Candidate) -> str:
+    """A candidate with its unit, and the roles for which it is taken."""
+    uses = f", also {', '.join(one.uses)}" if one.uses else ""
+    return _comment(f"{one.place} ({one.signal.unit or 'no unit'}{uses})")
+
+
 def shared_sentence(shared: Sequence[RoleGuess], axles: int | None) -> str:
-    """Why efforts are not taken as those of axles 1, 2, .."""
-    what = next((f"{guess.group} effort" for guess in shared if guess.group), "effort")
+    """Why efforts or loads are not taken as those of axles 1, 2, .."""
+    quantity = "load" if shared[0].role is Role.AXLE_LOAD else "effort"
+    what = next((f"{guess.group} {quantity}" for guess in shared if guess.group), quantity)
     count = counted(len(shared), what)
     of = "an unknown number of axles" if axles is None else counted(axles, "axle")
     return f"{count} for {of}"
 
 
-def _shared(initial: InitialConfiguration) -> list[str]:
-    """Efforts of motors or bogies, commented out."""
-    shared = initial.guessed.shared
+def _shared(initial: InitialConfiguration, role: Role) -> list[str]:
+    """Efforts or loads of motors or bogies, commented out."""
+    shared = initial.guessed.shared_of(role)
     if not shared:
         return []
     lines = [
-        f"# tractive_effort: {shared_sentence(shared, initial.axles)}. The factor is the axle's",
-        "# share: 0.5 where a motor drives two axles.",
+        f"# {role}: {shared_sentence(shared, initial.likely_axles)}. The factor is the axle's",
+        "# share: 0.5 where a motor or bogie has two axles.",
     ]
-    proposed = distribute(shared, initial.axles)
+    proposed = distribute(shared, initial.likely_axles)
     if proposed:
-        each = round(1 / proposed[0].share)
-        lines.append(f"# If each drives {each} axles, in this order, uncomment:")
+        each = counted(round(1 / proposed[0].share), "axle")
+        lines.append(f"# If each has {each}, in this order, uncomment:")
     else:
         lines.append("# Uncomment with the axle's number, and state its factor:")
     return lines + [f"# {_entry(guess)}  # {_why(guess)}" for guess in proposed or shared]
@@ -209,7 +248,12 @@ def _unused(initial: InitialConfiguration) -> str:
 
 def _why(guess: RoleGuess) -> str:
     unit = f" {guess.signal.unit}" if guess.signal.unit and "unit" in guess.reasons else ""
-    return f"{' and '.join(guess.reasons)}{_comment(unit)}"
+    doubts = "".join(f"; {doubt}" for doubt in guess.doubts)
+    return f"{' and '.join(guess.reasons)}{_comment(unit)}{doubts}"
+
+
+def _is_one_sided(guess: RoleGuess) -> bool:
+    return guess.role is Role.TRACTIVE_EFFORT and signs_of(guess.signal) is Signs.POSITIVE
 
 
 def _notes(guess: RoleGuess) -> list[str]:
@@ -230,6 +274,8 @@ def _notes(guess: RoleGuess) -> list[str]:
         )
     if guess.role is Role.TRACTIVE_EFFORT and guess.axle == 1:
         notes.append(_SIGN_OF_EFFORT)
+    if _is_one_sided(guess):
+        notes.append(_ONE_SIDED)
     return notes
 
 

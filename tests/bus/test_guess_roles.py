@@ -9,7 +9,7 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.bus.guess_roles import guess_roles
 from adhesion_can.bus.role_candidates import candidates, unused_signals
 from adhesion_can.bus.roles import packaged_choices
-from adhesion_can.bus.shared_efforts import distribute
+from adhesion_can.bus.shared_signals import distribute
 from adhesion_can.physics.readings import Role
 
 
@@ -221,6 +221,6 @@ def test_candidates_have_the_unit_of_a_role_and_those_with_its_words_come_first(
     guessed = guess_roles(messages)
     assert guessed.taken == ()
     found = candidates(messages, guessed, Role.TRACTIVE_EFFORT)
-    assert [signal.name for _, signal in found] == ["Tractive_Sum", "Pull"]
+    assert [one.signal.name for one in found] == ["Tractive_Sum", "Pull"]
     assert candidates(messages, guessed, Role.AMBIENT_TEMPERATURE) == []
     assert len(list(unused_signals(messages, guessed))) == 4

@@ -95,7 +95,7 @@ def test_rivals_are_asked_and_empty_answers_leave_them_open(tmp_path, monkeypatc
     monkeypatch.setattr(sys, "stdin", Terminal("7\n2\n0.33\nabc\n90000\n60\n\n"))
     assert main(["init", "--dbc", str(dbc), "--out", str(out)]) == 0
     asked = capsys.readouterr().err
-    assert "1  GW_Odometrie.v_Fzg (km/h)" in asked
+    assert "1  GW_Odometrie.v_Fzg (km/h, 0 to 320)" in asked
     document = tomllib.loads(out.read_text())
     assert document["roles"]["vehicle_speed"] == "GW_Odometrie.v_Zug"
     assert document["vehicle"]["axle_load_N"] == 90000
