@@ -49,7 +49,7 @@ def candidates(messages: Iterable[Message], guessed: GuessedRoles, role: Role) -
     """Signals that may have a role: without a role first, of these those with fitting names.
 
     For a role that is required the unit suffices; for another one the names have to fit too, and
-    signals with another role are none. An effort that cannot be negative comes after those that can.
+    signals with another role are none. Efforts that cannot be negative come last.
 
     Args:
         messages: Messages of the database.

@@ -83,7 +83,7 @@ class GuessedRoles:
         return tuple(guess for guess in self.shared if guess.role is role)
 
     def uses_of(self, place: str, role: Role) -> list[str]:
-        """Other roles that a signal is taken for or may have: 'taken for axle_load.1', a clause each.
+        """Uses of a signal for other roles: 'taken for axle_load.1', 'open for ..'; a clause each.
 
         Args:
             place: Signal as `Message.Signal`.

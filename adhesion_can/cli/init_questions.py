@@ -99,8 +99,8 @@ def _ask_rival(name: str, rivals: Sequence[RoleGuess]) -> RoleGuess | None:
     for number, rival in enumerate(rivals, start=1):
         doubts = "".join(f"; {doubt}" for doubt in rival.doubts)
         say(f"  {number}  {signals_text([rival])}{doubts}")
-    number = _ask_until("number, or Enter for none: ", _up_to(len(rivals)))
-    return None if number is None else rivals[number - 1]
+    chosen = _ask_until("number, or Enter for none: ", _up_to(len(rivals)))
+    return None if chosen is None else rivals[chosen - 1]
 
 
 def _ask_series(series: Sequence[RoleGuess]) -> bool | None:
@@ -131,9 +131,9 @@ def _ask_candidates(initial: InitialConfiguration, role: Role) -> GuessedRoles:
         for axle, one in enumerate((found[k - 1] for k in chosen or ()), start=1)
     ]
     places = {guess.place for guess in guesses}
-    for one in (*guessed.taken, *guessed.shared):
-        if one.place in places:
-            say(f"{one.place} is then not taken for {one.name}")
+    for guess in (*guessed.taken, *guessed.shared):
+        if guess.place in places:
+            say(f"{guess.place} is then not taken for {guess.name}")
     rivals = {
         name: left
         for name, alike in guessed.rivals.items()

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.bus.units import UNITS, find_factor, known_units
 from adhesion_can.errors import TableError
+from adhesion_can.physics.readings import Role
+from adhesion_can.recordings.tables.headings import find_column, name_columns
 from adhesion_can.recordings.tables.times import TIME_LIMIT_S
 
 
@@ -25,8 +28,9 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
     """Vehicle speed of another recorder.
 
     Args:
-        option: Path of a CSV file with `time_s` and speeds in m/s, and behind a colon the name of
-            the column where there are several.
+        option: Path of a CSV file with `time_s` and speeds, in m/s unless the heading states
+            another unit, as in 'v [km/h]'; behind a colon the name of the column where there are
+            several, with or without its unit.
 
     Returns:
         Time stamps, µs, and speeds, m/s, NaN where a cell is empty; shape (n,) each.
@@ -43,7 +47,8 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except (csv.Error, UnicodeDecodeError) as error:
         raise TableError(str(path), f"not CSV ({error})", "check the file") from error
-    header = [name.strip() for name in rows[0]] if rows else []
+    named = name_columns(rows[0] if rows else [])
+    header, units = [name for name, _ in named], dict(named)
     others = [name for name in header if name and name != "time_s"]
     if "time_s" not in header or not others:
         raise TableError(
@@ -53,9 +58,11 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
         raise TableError(
             str(path), f"more than one column ({', '.join(others)})", f"write {path}:COLUMN"
         )
-    name = column or others[0]
-    if name not in others:
-        raise TableError(str(path), f"no column {name!r}", f"its columns: {', '.join(others)}")
+    name = find_column(column or others[0], others, units, str(path))
+    factor = find_factor(UNITS[Role.VEHICLE_SPEED], units[name] or "m/s")
+    if factor is None:
+        fix = f"write one of {known_units(Role.VEHICLE_SPEED)}"
+        raise TableError(str(path), f"{name!r} has the unknown unit {units[name]!r}", fix)
     places = header.index("time_s"), header.index(name)
     values = [
         _numbers(row, places, f"{path}:{line}")
@@ -67,7 +74,7 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
     if any(after < before for (before, _), (after, _) in pairwise(values)):
         raise TableError(str(path), "its times run backwards", "sort it by time_s")
     time_s, speed = np.array(values).T
-    return np.round(time_s * 1e6).astype(np.int64), speed
+    return np.round(time_s * 1e6).astype(np.int64), factor * speed
 
 
 def _numbers(row: list[str], places: tuple[int, int], where: str) -> tuple[float, float]:

@@ -120,8 +120,9 @@ def scenario_of(
     if scenario.gradient is None and share > HELD_SHARE:
         scenario = replace(scenario, help=share / HELD_SHARE - 1.0)
         notes.append(
-            f"{100 * share:.0f} % of the train's weight is on driven axles: a second vehicle "
-            "brakes and pushes it, which keeps its speed; for a heavier train write train_mass_kg"
+            "a coupled second vehicle brakes or pushes the simulated train, as in adhesion tests: "
+            f"with {vehicle.train_mass / 1e3:.3g} t (train_mass_kg) the train would not keep the "
+            "scenario's speeds"
         )
     fastest, reason = limits.speed_max, "speed_max in [limits]"
     for found in _speed_ranges(vehicle, messages, slip_high):

@@ -36,6 +36,22 @@ def test_what_a_file_states_is_given_though_it_is_the_defaults(tmp_path):
     assert warning.startswith("wheelset_inertia_kgm2 = 200: ")
 
 
+def test_a_mass_below_the_axle_loads_is_reported_with_the_line():
+    given = Locomotive((0.33,) * 6, (9e4,) * 6, 60.0, train_mass=27e3)
+    (warning,) = warnings_for(given)
+    assert warning == (
+        "train_mass_kg = 27000 in [vehicle] is less than the 55065 kg that axle_load_N puts on 6 "
+        "axles; write train_mass_kg = 55100 or more, or axle_load_N of one axle rather than of a "
+        "bogie"
+    )
+
+
+@pytest.mark.parametrize("mass", [50e3, 55.1e3, 60e3, 2e6])
+def test_a_mass_of_the_loads_or_of_a_train_with_trailers_is_no_matter(mass):
+    given = Locomotive((0.33,) * 6, (9e4,) * 6, 60.0, train_mass=mass)
+    assert warnings_for(given) == []
+
+
 def test_a_message_without_a_cycle_is_told():
     free = replace(CONFIG, database=CONFIG.database, choices=CONFIG.choices)
     message = free.messages[0]

@@ -141,7 +141,8 @@ def test_a_reading_stops_at_the_end_of_its_range_and_that_is_said(tmp_path, caps
     assert main([*words, "--log", str(log)]) == 0
     said = capsys.readouterr().out
     assert "axle_load.1 (Bogie1.Load1): at an end of its range in" in said
-    assert "a second vehicle brakes and pushes it" in said
+    sentence = "a coupled second vehicle brakes or pushes the simulated train, as in adhesion tests"
+    assert f"{sentence}: with 37.5 t (train_mass_kg) the train would not keep" in said
 
 
 def test_a_range_without_room_for_the_vehicle_is_refused(tmp_path):

@@ -15,7 +15,8 @@ from adhesion_can.recordings.tables.cells import (
     note_errors,
     number_column,
 )
-from adhesion_can.recordings.tables.columns import Column, Columns, split_unit
+from adhesion_can.recordings.tables.columns import Column, Columns
+from adhesion_can.recordings.tables.headings import name_columns
 from adhesion_can.recordings.tables.layout import (
     DELIMITERS,
     Layout,
@@ -30,8 +31,8 @@ MOST_BELOW = 50
 """Most lines below the rows that are left out; more are rows of another length."""
 
 
-def heading_of(text: str, wanted: Collection[str], path: Path) -> tuple[str, ...]:
-    """Names in the heading of a text, units taken off; () where it is empty.
+def heading_of(text: str, wanted: Collection[str], path: Path) -> dict[str, str]:
+    """Names in the heading of a text with the units that it states; {} where it is empty.
 
     Args:
         text: First lines of a file.
@@ -42,7 +43,8 @@ def heading_of(text: str, wanted: Collection[str], path: Path) -> tuple[str, ...
         TableError: The text is not CSV.
 
     """
-    return tuple(map(unquote_formula, _recognise(text, wanted, path).names))
+    heading = _recognise(text, wanted, path).heading
+    return {unquote_formula(name): unit for name, unit in name_columns(heading)}
 
 
 def read_csv(path: Path, wanted: Collection[str] = ()) -> Columns:
@@ -81,11 +83,11 @@ def _recognise(text: str, wanted: Collection[str], path: Path) -> Layout:
 
 def _require_names(layout: Layout, path: Path) -> None:
     """TableError where two columns have one name."""
-    twice = [name for name, count in Counter(layout.names).items() if count > 1 and name]
+    names = [name for name, _ in name_columns(layout.heading)]
+    twice = [name for name, count in Counter(names).items() if count > 1 and name]
     if not twice:
         return
-    name = twice[0]
-    places = [place for place, one in enumerate(layout.names, start=1) if one == name]
+    places = [place for place, one in enumerate(names, start=1) if one == twice[0]]
     cells = " and ".join(f"{place} ({layout.heading[place - 1]!r})" for place in places)
     raise TableError(
         f"{path}:{layout.line}", f"columns {cells} have the same name", "rename all of them but one"
@@ -135,7 +137,7 @@ def _odd_row(odd: tuple[int, list[str]], width: int, path: Path) -> TableError:
 def _columns(
     layout: Layout, body: Sequence[Sequence[str]], notes: list[str], where: str
 ) -> Columns:
-    named = [(place, *split_unit(cell)) for place, cell in enumerate(layout.heading)]
+    named = [(place, *pair) for place, pair in enumerate(name_columns(layout.heading))]
     units = {name: unit for _, name, unit in named if name and unit}
     for place, name, _ in named:
         unit = layout.units[place].strip("[]()").strip() if layout.units else ""

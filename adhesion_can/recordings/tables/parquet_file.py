@@ -6,7 +6,8 @@ import numpy as np
 
 from adhesion_can.errors import TableError
 from adhesion_can.extras import install_extra
-from adhesion_can.recordings.tables.columns import Column, Columns, split_unit
+from adhesion_can.recordings.tables.columns import Column, Columns
+from adhesion_can.recordings.tables.headings import name_columns
 
 ALWAYS_READ, MOST_CELLS = 2_000_000, 100
 """Cells that are read whatever the file's size, and further ones for each of its bytes."""
@@ -36,8 +37,11 @@ def read_parquet(path: Path) -> Columns:
     kinds = pa.types
     values: dict[str, Column] = {}
     units: dict[str, str] = {}
-    for heading, column in zip(table.column_names, table.columns, strict=True):
-        name, unit = split_unit(heading)
+    named = name_columns(table.column_names)
+    for (name, unit), column in zip(named, table.columns, strict=True):
+        if name in values:
+            what, fix = f"two columns have the name {name!r}", "rename one of them"
+            raise TableError(str(path), what, fix)
         if unit:
             units[name] = unit
         numeric = any(

@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.errors import TableError, suggest
+from adhesion_can.errors import TableError
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.formats import FRAME_TABLE, HEAD, format_of, is_measurement
 from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
 from adhesion_can.recordings.tables.columns import Column, Columns
 from adhesion_can.recordings.tables.csv_file import heading_of, read_csv
+from adhesion_can.recordings.tables.headings import has_column, resolve_choices
 from adhesion_can.recordings.tables.mat_file import read_mat
 from adhesion_can.recordings.tables.mf4_table import holds_channel, read_mf4
 from adhesion_can.recordings.tables.parquet_file import read_parquet
@@ -108,17 +109,13 @@ def is_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> bool:
     seen = format_of(head[:HEAD].encode())
     if (suffix != ".csv" and "\0" in head) or seen not in (None, FRAME_TABLE, ".csv"):
         return False
-    wanted = {"slip", _slip_column(choices)}
-    heading = set(heading_of(head, wanted, path))
-    if not wanted.isdisjoint(heading):
+    named = _slip_column(choices)
+    heading = heading_of(head, {"slip", named}, path)
+    if "slip" in heading or (named != "slip" and has_column(named, heading, heading)):
         return True
     if suffix != ".csv" or seen is not None or "arbitration_id" in heading:
         return False
-    named = _slip_column(choices)
-    if named != "slip":
-        near = suggest(named, heading)
-        fix = near or f"its columns are {', '.join(sorted(heading))[:200]}"
-        raise TableError(str(path), f"no column {named!r} for 'slip'", fix)
+    resolve_choices([c for c in choices if c.name == "slip"], heading, heading, str(path))
     raise TableError(
         str(path),
         "a .csv with neither a 'slip' column (a table) nor 'arbitration_id' (a recording)",
@@ -167,6 +164,7 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
     wanted = {"slip", _slip_column(choices)}
     reader = readers.get(_kind(path), partial(read_csv, wanted=wanted))
     read = reader(path)
+    choices = resolve_choices(choices, read.values, read.units, str(path))
     time = next((choice for choice in choices if choice.name == TIME), ColumnChoice(TIME, TIME))
     stated = time.unit is not None or time.column in read.units
     columns = with_times(apply_choices(read, choices, str(path)), str(path), stated=stated)
