@@ -73,7 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--speed",
         metavar="CSV[:COLUMN]",
-        help="vehicle speed of another recorder: m/s, with time_s on the recording's clock",
+        help="vehicle speed of another recorder: m/s or the unit in its heading, time_s on the "
+        "recording's clock",
     )
     parser.add_argument(
         "--adhesion-max",
