@@ -26,6 +26,7 @@ from adhesion_can.bus.role_words import (
     ONE_WHEEL,
     OTHERS,
     PAIRS,
+    PLAIN,
     SIDES,
     SINGLE,
     SPEED,
@@ -39,7 +40,7 @@ from adhesion_can.bus.role_words import (
 from adhesion_can.bus.shared_signals import find_shared
 from adhesion_can.bus.signal_columns import find_obstacle
 from adhesion_can.bus.signal_signs import Signs, signs_of
-from adhesion_can.bus.units import to_si
+from adhesion_can.bus.units import UNITS, find_factor, to_si
 from adhesion_can.physics.readings import PER_AXLE, Role
 from adhesion_can.physics.vehicle import MOST_AXLES
 
@@ -189,7 +190,7 @@ def _guesses(message: Message, signal: Signal, letter: int | None) -> Iterable[R
             continue
         named, kind = _named(role, words, around), _kind(role, signal)
         if role is Role.WHEEL_SPEED and not named:
-            named = _named_by_wheel(words)
+            named = _named_by_wheel(signal, words)
         signs = _points_of_signs(role, signal, set(words))
         doubtful = 2 if set(around) & against else 0
         if role is Role.TRACTIVE_EFFORT and place.group and not place.of_axle:
@@ -266,10 +267,16 @@ def _named(role: Role, words: Sequence[str], around: Sequence[str]) -> int:
     return _two(own, both, *PAIRS[role])
 
 
-def _named_by_wheel(words: Sequence[str]) -> int:
-    """Points of a wheel whose name has no word for speed; its unit then has to be that of one."""
+def _named_by_wheel(signal: Signal, words: Sequence[str]) -> int:
+    """Points of a wheel whose name has no word for speed and whose unit is that of a rotation.
+
+    With the unit of a speed the name may say nothing but the wheel: other things move, too.
+    """
     own = set(words)
-    return 2 if own & WHEEL and not own & OTHERS[Role.WHEEL_SPEED] else 0
+    turns = find_factor(UNITS[Role.WHEEL_SPEED], signal.unit or "") is not None
+    bare = all(len(word) == 1 for word in own - WHEEL - PLAIN)
+    is_wheel = own & WHEEL and not own & OTHERS[Role.WHEEL_SPEED]
+    return 2 if is_wheel and (turns or bare) else 0
 
 
 def _two(own: set[str], both: set[str], quantity: set[str], thing: set[str]) -> int:

@@ -54,10 +54,18 @@ AGAINST = {"setpoint", "set", "soll", "demand", "dmd", "req", "request", "target
             "all", "whole", "angle", "level", "tank", "door", "sollwert", "vorgabe", "anforderung",
             "grenze", "mittel", "mittelwert", "gueltig", "verfuegbar", "fehler", "brems", "roh",
             "consigne", "demande", "limite", "moyen", "moyenne", "defaut", "valide", "validite",
-            "etat", "frein", "freinage", "freno", "essai"}  # fmt: skip
+            "etat", "frein", "freinage", "freno", "frenatura", "frenado", "essai", "braking",
+            "bremsen", "friction", "possible", "potential", "capability", "verfuegbare", "coupler",
+            "coupling", "kupplung", "attelage", "buffer", "puffer", "drawbar", "hook", "spring",
+            "feder", "damper", "daempfer", "pantograph", "panto", "actuator", "clamp", "caliper",
+            "piston", "kolben", "pedal", "lever", "passenger", "pax", "fahrgast", "payload",
+            "zuladung", "empty", "leer", "tare", "tara", "slide", "gleiten", "schleudern",
+            "glissement", "patinage", "deviation", "delta", "differenz", "vibration"}  # fmt: skip
 """Words that make a signal another quantity, or another form of it, than the measured one."""
 AXLE_MESSAGES = {*WHEEL, "drive", "motor", "mot", "antrieb", "traktion", "traction", "trk"}
 """Words of messages whose number is that of an axle."""
+PLAIN = {"act", "ist", "actual", "value", "val", "wert", "mes", "sensor"}
+"""Words that say nothing about the quantity."""
 GROUPS = {
     "motor": "motor",
     "mot": "motor",
