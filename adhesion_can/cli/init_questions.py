@@ -44,13 +44,19 @@ def ask(initial: InitialConfiguration) -> InitialConfiguration:
     vehicle, axles = dict(initial.vehicle), count_axles(initial.guessed)
     if axles is None:
         axles = _ask_until("axles: number of the axles, such as 4 (Enter: later): ", _whole)
-    guessed = _ask_shared(_share_chosen(initial.guessed, axles), axles)
+    for role in SHARED_ROLES:
+        guessed, agreed = _ask_shared(_share_chosen(initial.guessed, axles), axles, role)
+        if agreed is False and role in REQUIRED:
+            # Others, or another order: what is chosen is asked for its shares again.
+            guessed = _ask_candidates(replace(initial, guessed=guessed), role)
+            guessed, _ = _ask_shared(_share_chosen(guessed, axles), axles, role)
+        initial = replace(initial, guessed=guessed)
     for key in VEHICLE_DATA:
         if key not in vehicle:
             number = _ask_until(f"{key}: {meaning(key)} (Enter: later): ", _positive(key))
             if number is not None:
                 vehicle[key] = number
-    return replace(initial, guessed=guessed, axles=axles, vehicle=vehicle)
+    return replace(initial, axles=axles, vehicle=vehicle)
 
 
 def _ask_open(guessed: GuessedRoles) -> tuple[GuessedRoles, set[Role]]:
@@ -85,13 +91,14 @@ def _ask_open(guessed: GuessedRoles) -> tuple[GuessedRoles, set[Role]]:
 
 def _series(guessed: GuessedRoles, first: RoleGuess, used: set[str]) -> list[RoleGuess]:
     """A guess, and those of the other axles that are open for the same reason."""
-    return [
+    series = [
         alike[0]
         for alike in guessed.rivals.values()
         if len(alike) == 1
         and (alike[0].role, alike[0].doubts) == (first.role, first.doubts)
         and alike[0].place not in used
-    ] or [first]
+    ]
+    return series if first in series else [first]
 
 
 def _ask_rival(name: str, rivals: Sequence[RoleGuess]) -> RoleGuess | None:
@@ -132,7 +139,7 @@ def _ask_candidates(initial: InitialConfiguration, role: Role) -> GuessedRoles:
     ]
     places = {guess.place for guess in guesses}
     for guess in (*guessed.taken, *guessed.shared):
-        if guess.place in places:
+        if guess.place in places and guess.role is not role:
             say(f"{guess.place} is then not taken for {guess.name}")
     rivals = {
         name: left
@@ -143,7 +150,11 @@ def _ask_candidates(initial: InitialConfiguration, role: Role) -> GuessedRoles:
     return GuessedRoles(
         (*(one for one in guessed.taken if one.place not in places), *guesses),
         rivals,
-        tuple(one for one in guessed.shared if one.place not in places),
+        tuple(
+            one
+            for one in guessed.shared
+            if one.place not in places and not (guesses and one.role is role)
+        ),
     )
 
 
@@ -160,20 +171,22 @@ def _share_chosen(guessed: GuessedRoles, axles: int | None) -> GuessedRoles:
     return replace(guessed, taken=kept, shared=(*guessed.shared, *chosen))
 
 
-def _ask_shared(guessed: GuessedRoles, axles: int | None) -> GuessedRoles:
-    """The guesses with the signals of motors or bogies distributed, where the answer is yes."""
-    for role in SHARED_ROLES:
-        shared = guessed.shared_of(role)
-        proposed = distribute(shared, axles)
-        if not proposed:
-            continue
-        each = counted(round(1 / proposed[0].share), "axle")
-        verb = "carry" if role is Role.AXLE_LOAD else "drive"
-        say(f"{shared_sentence(shared, axles)}: {signals_text(shared)}")
-        if _yes(f"does each {verb} {each}, in this order, with equal shares"):
-            left = tuple(one for one in guessed.shared if one.role is not role)
-            guessed = replace(guessed, taken=(*guessed.taken, *proposed), shared=left)
-    return guessed
+def _ask_shared(
+    guessed: GuessedRoles, axles: int | None, role: Role
+) -> tuple[GuessedRoles, bool | None]:
+    """The guesses with the shared signals of a role distributed after a yes, and the answer."""
+    shared = guessed.shared_of(role)
+    proposed = distribute(shared, axles)
+    if not proposed:
+        return guessed, None
+    each = counted(round(1 / proposed[0].share), "axle")
+    verb = "carry" if role is Role.AXLE_LOAD else "drive"
+    say(f"{shared_sentence(shared, axles)}: {signals_text(shared)}")
+    agreed = _yes(f"does each {verb} {each}, in this order, with equal shares")
+    if agreed:
+        left = tuple(one for one in guessed.shared if one.role is not role)
+        guessed = replace(guessed, taken=(*guessed.taken, *proposed), shared=left)
+    return guessed, agreed
 
 
 # --- answers

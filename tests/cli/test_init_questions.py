@@ -130,6 +130,23 @@ def test_fewer_chosen_efforts_than_axles_are_asked_for_their_share(tmp_path, mon
     assert roles["tractive_effort.1"] == {"signal": "L.AxleLoad2", "factor": 0.5}
 
 
+def test_after_a_no_to_equal_shares_another_order_is_chosen(tmp_path, monkeypatch, capsys):
+    lines = ("y", "n", "2 1", "y")
+    roles, _, said = answer(tmp_path, monkeypatch, capsys, BOGIE, *lines)
+    assert said.count("does each drive 2 axles") == 2
+    assert "is then not taken" not in said
+    assert roles["tractive_effort.1"] == {"signal": "ASR_Ist.M2_Zugkraft", "factor": 0.5}
+    assert roles["tractive_effort.3"] == {"signal": "ASR_Ist.M1_Zugkraft", "factor": 0.5}
+
+
+def test_axles_that_count_from_0_are_asked_one_by_one(tmp_path, monkeypatch, capsys):
+    wheels = ("W", [f"WheelSpeed_{k} + 0 3000 rpm" for k in range(3)])
+    lines = ("1", "1", "y", "", "2")
+    roles, _, said = answer(tmp_path, monkeypatch, capsys, (wheels, BARE[1], RIG[2]), *lines)
+    assert "wheel_speed.1 may be\n  1  W.WheelSpeed_0 (rpm, 0 to 3000)" in said
+    assert [roles[f"wheel_speed.{k}"] for k in (1, 2, 3)] == [f"W.WheelSpeed_{k}" for k in range(3)]
+
+
 def test_without_answers_the_candidates_are_named_with_what_took_them(tmp_path, capsys):
     dbc = database(tmp_path / "own.dbc", *BARE)
     assert main(["init", "--dbc", str(dbc), "--yes"]) == 0
