@@ -243,9 +243,7 @@ def test_a_named_cause_is_told_with_its_size_its_certainty_and_its_rivals():
     assert "p = 0.001, corrected for all effects tested" in first
     assert "cannot distinguish it from slow_drift (adhesion drifts with time)" in first
     assert "33.8 % (95 % interval 28.1 to 39.5 %)" in gain
-    assert (
-        "plain curve 0.0213, extended model 0.0141; noise alone is about 0.0122" in gain
-    )
+    assert "plain curve 0.0213, extended model 0.0141; noise alone is about 0.0122" in gain
     assert "this drive only" in gain
 
 
