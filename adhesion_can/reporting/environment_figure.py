@@ -33,7 +33,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
     ]
     names = [level.level for one in drawn for level in one.levels]
     layout = {
-        "xaxis": {"title": {"text": f"{parameter}, {text}" if text else parameter}},
+        "xaxis": {"title": {"text": f"{parameter}, {text or 'no unit'}"}},
         "yaxis": {
             "type": "category",
             "autorange": "reversed",
