@@ -49,6 +49,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
                 "y0": 0,
                 "y1": 1,
                 "yref": "paper",
+                "layer": "below",
                 "line": {"color": DARK, "width": 1.2, "dash": "dot"},
             }
         ],
