@@ -24,10 +24,8 @@ def test_every_column_of_the_evidence_is_explained_on_the_terminal():
 
 def test_what_the_evidence_calls_refuted_is_refuted_in_every_list():
     one = replace(named().evidence[0], decision=Decision.REFUTED)
-    untested = (
-        Untested(one.effect, "its p-value is 3 %", rejected=True),
-        Untested("x", "no signal"),
-    )
+    why = "its p-value is 3 %"
+    untested = (Untested(one.effect, why, rejected=True), Untested("x", "no signal"))
     assert untested_outcome(untested[0], (one,)) == "refuted"
     assert untested_outcome(untested[0], ()) == "rejected"
     assert untested_outcome(untested[1], (one,)) == "not tested"
