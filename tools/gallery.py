@@ -122,7 +122,7 @@ Apache-2.0).
 """)
     case.run(
         f"identify {points.name} --curve all --json fit.json",
-        r"^ (curve|polach|free|burckhardt|magic|pooled|of the rail)"
+        r"^ (curve|polach|free|burckhardt|magic|pooled|of the surface)"
         r"|cannot distinguish|In Polach|form",
     )
     curves = json.loads((case.folder / "fit.json").read_text())["curves"]

@@ -89,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="C1,C2,C3",
         help=(
             "start values of estimators in experiments 2 and 3 (default: the paper's "
-            "0.5,30,0.08, which is also the curve of the first rail)"
+            "0.5,30,0.08, which is also the curve of the first surface)"
         ),
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all runs (default 1)")

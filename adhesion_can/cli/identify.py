@@ -45,8 +45,8 @@ WORTH_TELLING = 0.02
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the description and the options of the command to its parser."""
     parser.description = (
-        "Fits the adhesion curve to recordings or tables of samples, one curve for each segment "
-        "of constant surface, and reports what is identifiable. The peak is pooled over the "
+        "Fits the adhesion curve to recordings or tables of samples, one curve for each "
+        "surface, and reports what is identifiable. The peak is pooled over the "
         "curve families that fit; c1, c2 and c3 are Burckhardt's."
     )
     parser.add_argument("inputs", nargs="+", type=Path, metavar="LOG|TABLE")
@@ -148,7 +148,7 @@ def _print(
     if len(result.segments) > 1:
         out.print(
             f"The curve changed {len(result.segments) - 1} times: a single curve does not "
-            "describe the data; see the segments."
+            "describe the data; see the surfaces."
         )
     for segment in result.segments:
         if sentence := segment.sentence(result.times):

@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_model(
         parser,
-        "its effects act on the rails of the scenario, not on its own base curve; the service "
+        "its effects act on the surfaces of the scenario, not on its own base curve; the service "
         "of --closed-loop knows them",
     )
     parser.add_argument(
@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--along-track",
         action="store_true",
-        help="each axle meets a change of the rail at the place where the first one met it",
+        help="each axle meets a change of the surface at the place where the first one met it",
     )
     add_configuration(parser)
     add_bus(parser)

@@ -1,6 +1,6 @@
 """Build the diagnosis from confirmed findings: sentences, model, evidence and plot data."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindin
 from adhesion_can.diagnosis.inference.equivalent_effects import find_equivalent_effects
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed, is_at_one_speed
+from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
@@ -73,6 +74,7 @@ def build_diagnosis(
     confirmed: ConfirmedFindings,
     untested: Sequence[Untested],
     *,
+    remaining: RemainingExplanations | None = None,
     other_drives: bool,
 ) -> Diagnosis:
     """Build the diagnosis.
@@ -82,6 +84,7 @@ def build_diagnosis(
         found: Findings of steps 2 to 6.
         confirmed: Findings that hold on the held-out data.
         untested: Effects and quantities that could not be tested, with the reason.
+        remaining: What a further drive left of the explanations; None: there was no such drive.
         other_drives: Whether whole recordings were held out.
 
     """
@@ -90,8 +93,9 @@ def build_diagnosis(
     verdict = _choose_verdict(found, confirmed)
     extended = _fit_extension(found, confirmed)
     profile = _build_profile(found, confirmed, extended.model)
+    refuted_effects = {} if remaining is None else remaining.refuted_effects
     causes = tuple(
-        _build_cause(found, candidate, extended.fitted)
+        _build_cause(found, candidate, extended.fitted, refuted_effects)
         for candidate in _sort_by_gain(found, confirmed.named)
     )
     surfaces, longest, (drive_number, surface) = estimate_segments(
@@ -123,7 +127,7 @@ def build_diagnosis(
     if other_drives and model is not None and model.actives:
         gain = _measure_on_held_out(found, gain, model)
     confirmed = replace(confirmed, gain=gain)
-    evidence = build_evidence(found, causes)
+    evidence = build_evidence(found, causes, refuted_effects)
     return Diagnosis(
         verdict=verdict,
         causes=causes,
@@ -150,7 +154,7 @@ def build_diagnosis(
         lost=_count_lost_rows(drives),
         families=build_family_results(found, surface),
         closest=build_closest(confirmed, data),
-        environments=build_environments(found, confirmed, causes),
+        environments=build_environments(found, confirmed, causes, extended.fitted.model),
         noise=_build_noise(found),
         saturated=bool(found.saturated),
         begins={drive.name: drive.first_us for drive in drives},
@@ -273,7 +277,12 @@ def _sort_by_gain(found: Findings, named: Sequence[Candidate]) -> list[Candidate
     return sorted(named, key=lambda candidate: alone.get(candidate, np.inf))
 
 
-def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> Cause:
+def _build_cause(
+    found: Findings,
+    candidate: Candidate,
+    final: FittedModel,
+    refuted: Mapping[tuple[str, int], float],
+) -> Cause:
     """A named effect with the parameters of the final fit."""
     effect = candidate.effect
     has_load = any(drive.has_load for drive in found.prepared.regression.data.drives)
@@ -286,14 +295,21 @@ def _build_cause(found: Findings, candidate: Candidate, final: FittedModel) -> C
         effect.literature,
         values,
         found.p_value(candidate),
-        _find_rivals(found, candidate, values[0].value),
+        _find_rivals(found, candidate, values[0].value, refuted),
         found.selection.formulas.get(effect.id, ()),
     )
 
 
-def _find_rivals(found: Findings, candidate: Candidate, size: float) -> tuple[str, ...]:
-    """Ids of the effects that the data cannot distinguish from a named one."""
-    rivals = set(found.selection.rivals(candidate)) | set(find_equivalent_effects(found, candidate))
+def _find_rivals(
+    found: Findings, candidate: Candidate, size: float, refuted: Mapping[tuple[str, int], float]
+) -> tuple[str, ...]:
+    """Ids of the effects that the data cannot distinguish from a named one.
+
+    What a further drive refuted is none of them.
+    """
+    selected = set(found.selection.rivals(candidate))
+    contradicted = {effect for effect, _ in refuted} - selected
+    rivals = selected | (set(find_equivalent_effects(found, candidate)) - contradicted)
     if is_at_one_speed(found.prepared.regression.data.drives):
         known = found.selection.best.ids
         rivals |= find_rivals_at_one_speed(candidate, size, found.prepared.candidates) - known

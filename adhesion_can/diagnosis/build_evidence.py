@@ -11,21 +11,37 @@ from adhesion_can.diagnosis.evidence import Decision, Evidence, ModelScore
 from adhesion_can.diagnosis.formatting import effect_name
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, worse_p_value
+from adhesion_can.diagnosis.inference.model_comparison import (
+    ScoredModel,
+    is_worse,
+    score_model,
+    worse_p_value,
+)
 from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 
 PLAIN = "plain curve"
 """Name of the model without effects in a list of scores."""
+_COMPARED = (Decision.WORSE, Decision.NOT_BETTER)
+"""Decisions by a comparison with the causes."""
+_OPEN = (
+    *_COMPARED, Decision.RIVAL, Decision.WEAKER, Decision.NOT_NAMED, Decision.NOT_SIGNIFICANT,
+)  # fmt: skip
+"""Decisions that a further drive overrules: it tested the effect with all drives."""
 _FIRST = (Decision.NAMED, Decision.RIVAL)
 """Decisions whose evidence comes first, in this order."""
 
 
-def build_evidence(found: Findings, causes: Sequence[Cause]) -> tuple[Evidence, ...]:
+def build_evidence(
+    found: Findings, causes: Sequence[Cause], refuted: Mapping[tuple[str, int], float]
+) -> tuple[Evidence, ...]:
     """Evidence of every tested effect: named ones, their rivals, then by gain.
 
     Args:
         found: Findings of steps 2 to 6.
         causes: Named causes.
+        refuted: P-value of each effect that a further drive refuted, by its id and axle; NaN where
+            no test of the fits did.
 
     """
     candidates, detection = found.prepared.candidates, found.detection
@@ -58,7 +74,7 @@ def build_evidence(found: Findings, causes: Sequence[Cause]) -> tuple[Evidence, 
                 worse,
             )
         )
-    out = _mark_rivals(out, causes)
+    out = _mark_refuted(_mark_rivals(out, causes), refuted)
     return tuple(sorted(out, key=lambda e: (_rank(e.decision), -e.gain_percent, e.p_value)))
 
 
@@ -115,12 +131,37 @@ def _decide(
         (found.detection.test.p_value[place] > found.alpha, Decision.NOT_SIGNIFICANT),
         (fit is None, Decision.WEAKER),
         (fit is not None and not fit.is_plausible, Decision.IMPLAUSIBLE),
-        (not best.candidates, Decision.NOT_NAMED),
+        (not causes or not set(best.candidates) - {candidate}, Decision.NOT_NAMED),
     )
-    decision = next((decision for holds, decision in steps if holds), Decision.WORSE)
-    if fit is None or decision is not Decision.WORSE:
-        return decision, nan
+    decision = next((decision for holds, decision in steps if holds), None)
+    if fit is None or decision is not None:
+        return decision or Decision.WEAKER, nan
+    return _compare(found, best, fit)
+
+
+def _compare(found: Findings, best: ScoredModel, fit: ScoredModel) -> tuple[Decision, float]:
+    """Whether an effect alone predicts worse than the causes, and the p-value of that.
+
+    Of several drives all rows are asked, as in the choice between rivals (`part_rivals`).
+    """
+    regression = found.prepared.regression
+    if len(regression.data.drives) > 1:
+        rows = regression.last_fit
+        best, fit = (score_model(rows, fit_model(rows, one.fitted.model)) for one in (best, fit))
+    decision = Decision.WORSE if is_worse(best, fit) else Decision.NOT_BETTER
     return decision, worse_p_value(best.fitted, fit.fitted)
+
+
+def _mark_refuted(
+    evidence: Sequence[Evidence], refuted: Mapping[tuple[str, int], float]
+) -> list[Evidence]:
+    """The same with what a further drive refuted as refuted, by the p-value of that test."""
+    return [
+        replace(one, decision=Decision.REFUTED, worse_p_value=refuted[one.effect, one.axle])
+        if one.decision in _OPEN and (one.effect, one.axle) in refuted
+        else one
+        for one in evidence
+    ]
 
 
 def _mark_rivals(evidence: Sequence[Evidence], causes: Sequence[Cause]) -> list[Evidence]:
@@ -130,7 +171,7 @@ def _mark_rivals(evidence: Sequence[Evidence], causes: Sequence[Cause]) -> list[
         own = [place for place, one in enumerate(out) if one.effect == rival]
         strongest = max(own, key=lambda k: out[k].gain_percent, default=None)
         for place in own:
-            if place == strongest or out[place].decision is Decision.WORSE:
+            if place == strongest or out[place].decision in _COMPARED:
                 out[place] = replace(out[place], decision=Decision.RIVAL, worse_p_value=nan)
     return out
 

@@ -14,7 +14,7 @@ Each step has a file of its name. Steps 2 and 3 are in `regression`, the others 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,12 +59,12 @@ from adhesion_can.diagnosis.inference.split_hold_out import (
     split_by_length,
     split_hold_out,
 )
+from adhesion_can.diagnosis.next_drive.apply_remaining import apply_remaining
 from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
 from adhesion_can.diagnosis.next_drive.explanations import build_explanations
 from adhesion_can.diagnosis.next_drive.remaining import (
     RemainingExplanations,
     find_remaining,
-    select_winner,
 )
 from adhesion_can.diagnosis.refutation.refute import (
     drop_refuted,
@@ -183,10 +183,13 @@ def diagnose(
     untested += find_untestable(used)
     deciding = [drive for drive, held in zip(used, held_out, strict=True) if not held]
     remaining = _find_remaining(deciding, plain_found, settings, show)
-    found, confirmed = _with_winner(
+    found, confirmed = apply_remaining(
         found, confirmed, plain_found, remaining, other_drives=other_drives
     )
-    diagnosis = build_diagnosis(used, found, confirmed, untested, other_drives=other_drives)
+    build = partial(
+        build_diagnosis, used, untested=untested, remaining=remaining, other_drives=other_drives
+    )
+    diagnosis = build(found, confirmed)
     witness = None
     if ask_witness is not None and diagnosis.causes:
         show("second witness", 0.92)
@@ -194,14 +197,23 @@ def diagnose(
     if witness is not None and witness.stays:
         found = refute_by_witness(found, plain_found, witness)
         confirmed = confirm_on_hold_out(found, other_drives=other_drives)
-        diagnosis = build_diagnosis(used, found, confirmed, untested, other_drives=other_drives)
-    if remaining is not None and remaining.refutes_plain and diagnosis.verdict is Verdict.NOTHING:
-        diagnosis = replace(diagnosis, verdict=Verdict.UNEXPLAINED)
-    if remaining is not None and diagnosis.verdict is Verdict.UNEXPLAINED:
-        remaining = remaining.without_plain()
+        diagnosis = build(found, confirmed)
+    diagnosis = _with_remaining(diagnosis, remaining)
     diagnosis = _with_next_drive(diagnosis, found, confirmed, settings, show)
     show("done", 1.0)
-    return replace(diagnosis, effect_grams=grams, remaining=remaining, witness=witness)
+    return replace(diagnosis, effect_grams=grams, witness=witness)
+
+
+def _with_remaining(diagnosis: Diagnosis, remaining: RemainingExplanations | None) -> Diagnosis:
+    """The diagnosis with what a further drive left; the plain curve it refuted is no answer."""
+    if remaining is None:
+        return diagnosis
+    verdict = diagnosis.verdict
+    if remaining.refutes_plain and verdict is Verdict.NOTHING:
+        verdict = Verdict.UNEXPLAINED
+    if verdict is Verdict.UNEXPLAINED:
+        remaining = remaining.without_plain()
+    return replace(diagnosis, verdict=verdict, remaining=remaining)
 
 
 def _with_next_drive(
@@ -226,32 +238,6 @@ def _with_next_drive(
         named = dict.fromkeys(rival for ids in rivals.values() for rival in ids)
         next_drive = compute_next_drive(found, explanations, settings.limits, tuple(named))
     return replace(diagnosis, explanations=explanations, next_drive=next_drive)
-
-
-def _with_winner(
-    found: Findings,
-    confirmed: ConfirmedFindings,
-    plain_found: Findings,
-    remaining: RemainingExplanations | None,
-    *,
-    other_drives: bool,
-) -> tuple[Findings, ConfirmedFindings]:
-    """Findings with the explanation that alone is left, where it holds on the held-out data.
-
-    Args:
-        found: Findings on all drives.
-        confirmed: What of them holds on the held-out data.
-        plain_found: Findings on all drives with Burckhardt's curve.
-        remaining: What a drive left of the explanations; None: there was no such drive.
-        other_drives: Whether whole recordings were held out.
-
-    """
-    winner = None if remaining is None else select_winner(plain_found, remaining)
-    if winner is None or set(winner.selection.best.candidates) == set(confirmed.named):
-        return found, confirmed
-    winner = drop_refuted(winner)
-    of_winner = confirm_on_hold_out(winner, other_drives=other_drives)
-    return (winner, of_winner) if of_winner.named else (found, confirmed)
 
 
 def _find_remaining(

@@ -16,29 +16,13 @@ class Decision(StrEnum):
     RIVAL = "rival"
     OTHER_FORM = "other form"
     WORSE = "worse"
+    NOT_BETTER = "not better"
     WEAKER = "weaker"
     REFUTED = "refuted"
     IMPLAUSIBLE = "implausible"
     NOT_NAMED = "not named"
     NOT_SIGNIFICANT = "not significant"
     IMITATED = "not tested"
-
-
-DECISIONS = {
-    Decision.NAMED: "a cause",
-    Decision.RIVAL: "the data cannot distinguish it from the cause: it predicts as well, explains "
-    "98 % as much with the same signature, or differs only at another speed",
-    Decision.OTHER_FORM: "another form of the cause, or another axle",
-    Decision.WORSE: "fitted alone, it predicts held-out blocks worse than the causes do "
-    "(paired test with this p)",
-    Decision.WEAKER: "it gains less alone than others, and was not tried further",
-    Decision.REFUTED: "it helps, but is refuted as a cause",
-    Decision.IMPLAUSIBLE: "it fits only with a size that no vehicle has",
-    Decision.NOT_NAMED: "fitted, but its gain is too small or not certain",
-    Decision.NOT_SIGNIFICANT: "noise explains it",
-    Decision.IMITATED: "the parameters of the curve imitate it",
-}
-"""Meaning of each decision, a clause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +39,8 @@ class Evidence:
         most_alike: Id of the effect with the most similar signature, and the cosine between them.
         gain_percent: Share by which the effect alone would lower the RMSE of the deciding data, %.
         decision: What was decided about the effect.
-        worse_p_value: P-value with which the effect alone predicts worse than the named model; NaN
-            where this was not what decided.
+        worse_p_value: P-value with which the effect predicts worse than the causes, by the test
+            that decided; NaN where no such test did.
 
     """
 

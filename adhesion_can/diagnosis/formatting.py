@@ -12,6 +12,9 @@ from adhesion_can.physics.effects.effort_gain import EFFORT_GAIN, EFFORT_GAIN_TI
 
 LEAST_P = 1e-3
 """Smallest p-value that is printed; a smaller one is printed as being below it."""
+LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e5
+"""Numbers outside which an axis has a power of ten in its title."""
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def effect_name(effect: str, form: str = "", axle: int = 0) -> str:
@@ -89,6 +92,29 @@ def short(value: float, digits: int = 3) -> str:
     if not isfinite(value):
         return "-"
     return str(np.format_float_positional(value, digits, unique=False, fractional=False, trim="-"))
+
+
+def three_digits(value: float) -> str:
+    """Three digits, zeros at the end included, never as a power of ten."""
+    if not isfinite(value):
+        return "-"
+    text = np.format_float_positional(value, 3, unique=False, fractional=False, trim="k")
+    return str(text).removesuffix(".")
+
+
+def axis_scale(size: float, unit: str) -> tuple[float, str]:
+    """Factor of the numbers on an axis, and its unit with the power of ten that they leave out.
+
+    Args:
+        size: Typical number, in `unit`.
+        unit: Unit; '' or '1' for a pure number.
+
+    """
+    text = unit_text(unit)
+    if not isfinite(size) or size == 0.0 or LEAST_PLAIN <= abs(size) < MOST_PLAIN:
+        return 1.0, text
+    power = floor(log10(abs(size)))
+    return 10.0**-power, f"× 10{str(power).translate(_RAISED)} {text}".strip()
 
 
 def short_apart(low: float, high: float) -> tuple[str, str]:

@@ -14,7 +14,7 @@ from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.model import RegressionData
+from adhesion_can.diagnosis.regression.model import Model, RegressionData
 
 
 def build_closest(
@@ -44,7 +44,7 @@ def _build_closest(closest: ClosestCause, *, has_load: bool) -> ClosestExplanati
 
 
 def build_environments(
-    found: Findings, confirmed: ConfirmedFindings, causes: Sequence[Cause]
+    found: Findings, confirmed: ConfirmedFindings, causes: Sequence[Cause], model: Model
 ) -> tuple[EnvironmentSizes, ...]:
     """Sizes by environment of the named effects, and of refuted ones where they refute.
 
@@ -52,10 +52,10 @@ def build_environments(
         found: Findings of steps 2 to 6.
         confirmed: Findings that hold on the held-out data.
         causes: Named causes.
+        model: Final model, whose sizes are those of the causes.
 
     """
     named = {cause.effect for cause in causes}
-    model = found.selection.best.fitted.model
     out: list[EnvironmentSizes] = []
     for place, candidate in enumerate(model.candidates):
         if candidate.effect.id in named:

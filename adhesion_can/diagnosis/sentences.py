@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.diagnosis.cause_result import Cause
-from adhesion_can.diagnosis.formatting import measured, short, sizes, unit_text
+from adhesion_can.diagnosis.formatting import measured, short, sizes, three_digits, unit_text
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.plot_result import Profile
@@ -85,9 +85,9 @@ def _shape_sentence(cause: Cause, *, alone: bool) -> str:
 
 def where_sentence(profile: Profile, gain: Gain) -> str:
     """Where the plain model is wrong most, and by how much."""
-    lead = f"On held-out data, the simulation misses the adhesion by {gain.rmse_before:.4f} (RMS)"
+    lead = f"On held-out data, the RMSE of the adhesion is {three_digits(gain.rmse_before)}"
     if gain.rmse_after < gain.rmse_before:
-        lead += f"; with this in the model, by {gain.rmse_after:.4f}"
+        lead += f" with the plain curve and {three_digits(gain.rmse_after)} with this in the model"
     sure = np.abs(profile.before) > 2.0 * profile.before_std
     size = np.where(sure, np.abs(profile.before), 0.0)
     best = int(np.argmax(size)) if len(size) else 0
@@ -96,8 +96,9 @@ def where_sentence(profile: Profile, gain: Gain) -> str:
     side = "low" if profile.before[best] > 0 else "high"
     at = f"{short(float(profile.at[best]))} {unit_text(profile.unit)}".strip()
     return (
-        f"{lead}. The error is largest where {channel_label(profile.channel)} is about {at}: "
-        f"there the simulated adhesion is {size[best]:.4f} too {side}."
+        f"{lead}. In all data, the mean error of the plain curve is largest where "
+        f"{channel_label(profile.channel)} is about {at}: there the simulated adhesion is "
+        f"{three_digits(float(size[best]))} too {side}."
     )
 
 
@@ -109,7 +110,7 @@ def name_with_wave(channel: Channel) -> str:
 def channel_sentence(residual_channel: ResidualChannel) -> str:
     """What an unexplained residual depends on."""
     channel = residual_channel.channel
-    share = f"{100 * residual_channel.gain:.1f} % of the error (RMS) on the deciding data"
+    share = f"{100 * residual_channel.gain:.1f} % of the RMSE on the deciding data"
     if channel.period:
         return (
             f"The adhesion varies along the rail in a wave of {channel.period:.1f} m, which no "

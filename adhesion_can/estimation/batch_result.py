@@ -108,7 +108,7 @@ class BatchResult:
             for s in self.segments
         ]
         columns = ("time s", "samples", "mu_max", "lambda_m", "identifiable")
-        title = f"Batch fit by segment, ± standard deviation{self.times.note}"
+        title = f"Batch fit by surface, ± standard deviation{self.times.note}"
         return html_table(title, columns, rows)
 
 

@@ -149,7 +149,7 @@ class CurveComparison:
         ]
         for name, mu_std, lambda_std in (
             ("pooled", self.mu_max_std, self.lambda_m_std),
-            ("of the rail", *self.rail_std),
+            ("of the surface", *self.rail_std),
         ):
             peak = (_plus_minus(self.mu_max, mu_std), _plus_minus(self.lambda_m, lambda_std))
             cells.append((name, "", "", "", *peak, "", ""))

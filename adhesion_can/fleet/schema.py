@@ -149,7 +149,7 @@ SEGMENTS = TableSchema(
     "a span of a recording on one surface, from `identify`",
     (
         *PLACE,
-        Column("segment", "int", "number of the segment in its unit, from 1", required=True),
+        Column("segment", "int", "number of the surface in its unit, from 1", required=True),
         Column("from_s", "double", "start on the recording's clock", "s", required=True),
         Column("to_s", "double", "end on the recording's clock", "s", required=True),
         *POSITION,

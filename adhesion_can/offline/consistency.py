@@ -134,7 +134,7 @@ def inspect_delay(t_us: NDArray[np.int64], slip: Array, adhesion: Array) -> Iter
     if shift.unexplained <= MOST_LEFT * by_borders:
         yield Finding(what, shift.fix, fatal=by > LONGEST_S)
     else:
-        what += "; a change of the rail explains the rows about as well"
+        what += "; a change of the surface explains the rows about as well"
         yield Finding(what, f"if one is late, {shift.fix}", fatal=False)
 
 

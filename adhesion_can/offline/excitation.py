@@ -4,6 +4,7 @@ import numpy as np
 
 from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.physics.samples import Samples
+from adhesion_can.plurals import counted
 from adhesion_can.result_text import TimeScale
 
 
@@ -32,7 +33,7 @@ def describe_excitation(
     known = [s for s in fitted.segments if s.estimate.identifiable.both]
     if known:
         findings.append(
-            f"{len(known)} of {len(fitted.segments)} segments have an identifiable peak"
+            f"{len(known)} of {counted(len(fitted.segments), 'surface')} with an identifiable peak"
         )
     times = times or fitted.times
     limits.extend(sentence for s in fitted.segments if (sentence := s.sentence(times)))

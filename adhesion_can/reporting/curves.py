@@ -39,7 +39,7 @@ def family_lines(result: BatchResult) -> list[str]:
     if len(result.segments) == 1:
         return list(said)
     if [len(segments) for segments in said.values()] == [len(result.segments)]:
-        return [f"In all segments: {text}" for text in said]
+        return [f"On all surfaces: {text}" for text in said]
     return [
         f"{', '.join(result.times.span(s.from_us, s.to_us) for s in segments)} s: {text}"
         for text, segments in said.items()
@@ -60,7 +60,7 @@ def render_curves(result: BatchResult) -> list[FittingTable | str]:
         return parts
     return [
         *parts,
-        *_render_comparison(result.whole_curves, ", all segments together"),
+        *_render_comparison(result.whole_curves, ", all surfaces together"),
         *_judge_changes(result),
     ]
 
@@ -88,7 +88,7 @@ def _judge_changes(result: BatchResult) -> list[str]:
         return []
     sentence = (
         f"A single {name} curve predicts held-out samples better than one {plain} curve for each "
-        f"segment, by {best.log_density - apart:.4f} in log density a sample, so the surface may "
+        f"surface, by {best.log_density - apart:.4f} in log density a sample, so the surface may "
         "not have changed."
     )
     return [sentence]
@@ -133,7 +133,7 @@ def _verdict(comparison: CurveComparison) -> str:
     )
     common = comparison.common
     return (
-        f"{fits} Peak of the rail at {comparison.speed:.1f} m/s: {peak}; the errors include "
+        f"{fits} Peak of the surface at {comparison.speed:.1f} m/s: {peak}; the errors include "
         f"{common.slip:g} of slip and {100 * common.adhesion:g} % of adhesion that all samples "
         "share."
     )

@@ -18,6 +18,7 @@ from adhesion_can.diagnosis.formatting import (
     rival_title,
     short,
     sizes,
+    three_digits,
     value_text,
 )
 from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, Gain, Verdict
@@ -25,9 +26,11 @@ from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.evidence import (
     EVIDENCE_COLUMNS,
+    EVIDENCE_NOTE,
     decision_note,
     evidence_rows,
     evidence_title,
+    untested_outcome,
 )
 from adhesion_can.reporting.text import FittingTable, table
 from adhesion_can.result_text import HELD_OUT_RMSE
@@ -42,6 +45,7 @@ SHOWN = 5
 FAMILY_COLUMNS = (
     "family", "parameters", HELD_OUT_RMSE, "RMSE", "μ_max", "λ_m", "base curve",
 )  # fmt: skip
+FAMILY_TITLE = "Curve families without effects, fitted to the deciding data"
 ENVIRONMENT_COLUMNS = ("size", "environment", "value", "spread", "p")
 
 
@@ -60,8 +64,8 @@ def verdict_sentences(found: Diagnosis) -> list[str]:
 def closest_sentences(found: Diagnosis) -> list[str]:
     """What helps and is no cause, a sentence each with its size and the reason."""
     return [
-        f"{one.title} ({_name_with_sizes(one)}) reduces the error on held-out data by "
-        f"{one.gain_percent:.1f} % but is not the cause: {one.refuted_by}."
+        f"{one.title} ({_name_with_sizes(one)}) reduces the RMSE on held-out data by "
+        f"{one.gain_percent:.1f} % but is refuted as the cause: {one.refuted_by}."
         for one in found.closest
     ]
 
@@ -77,9 +81,10 @@ def _noise_sentence(found: Diagnosis) -> Iterator[str]:
     if noise is None or not noise.exceeds or noise.sensors is None or noise.ratio is None:
         return
     yield (
-        f"Sensor noise explains a residual of {short(noise.sensors)}. With every known effect "
-        f"and channel the residual is {short(noise.floor)}, {short(noise.ratio)} times as much: "
-        "something that the library does not contain acts on the data."
+        f"Sensor noise explains an RMSE of {three_digits(noise.sensors)}. With every known effect "
+        f"and channel the RMSE on the deciding data is {three_digits(noise.floor)}, "
+        f"{short(noise.ratio)} times as much: something that the library does not contain acts on "
+        "the data."
     )
 
 
@@ -134,7 +139,8 @@ def _what_is_left(found: Diagnosis) -> Iterator[str]:
         most = max(left, key=lambda channel: channel.gain_percent)
         yield (
             f"The residual depends on {channel_label(most.channel)}: a spline in it would reduce "
-            f"the error by {most.gain_percent:.1f} % ({p_equation(most.p_value)})."
+            f"the RMSE on the deciding data by {most.gain_percent:.1f} % "
+            f"({p_equation(most.p_value)})."
         )
 
 
@@ -205,9 +211,9 @@ def _nothing(found: Diagnosis) -> str:
         noise = _noise_below(found, gain)
         if noise is not None:
             text = (
-                f"Undecided: the plain curve leaves a residual of {short(gain.rmse_before)}, "
-                f"noise alone about {short(noise)}, and no effect or channel explains the "
-                "difference with certainty."
+                "Undecided: on held-out data the plain curve has an RMSE of "
+                f"{three_digits(gain.rmse_before)}, noise alone has about {three_digits(noise)}, "
+                "and no effect or channel explains the difference with certainty."
             )
     return f"{text} {_strongest(found)}".strip()
 
@@ -229,7 +235,7 @@ def _strongest(found: Diagnosis) -> str:
     name = effect_name(first.effect, first.form, first.axle)
     why = [one.why for one in found.untested if one.rejected and one.what == first.effect]
     return (
-        f"The strongest effect is {name}: {p_equation(first.p_value)}, gain "
+        f"The strongest effect is {name}: {p_equation(first.p_value)}, gain alone "
         f"{fixed(first.gain_percent, 1, ' %')}{''.join(f'; {one}' for one in why)}."
     )
 
@@ -261,26 +267,27 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     """Gain of the extension, its interval, and the data that were held out."""
     where = f"Held out: {gain.held_out}."
     extended = has_extension(found)
+    before, after = three_digits(gain.rmse_before), three_digits(gain.rmse_after)
+    noise = f"noise alone is about {three_digits(gain.noise_floor)} (deciding data)"
     if not extended and gain.rmse_after == gain.rmse_before:
         return (
-            f"There is no extension: the RMSE of the adhesion is {short(gain.rmse_before)}; "
-            f"noise alone is about {short(gain.noise_floor)}. {where}"
+            "There is no extension. RMSE of the adhesion on held-out data: plain curve "
+            f"{before}; {noise}. {where}"
         )
     low, high = gain.interval
     interval = (
         f"95 % interval {low:.1f} to {high:.1f} %" if isfinite(low + high) else "interval not known"
     )
     text = (
-        f"Gain on held-out data: {gain.percent:.1f} % ({interval}). RMSE of the adhesion: "
-        f"{short(gain.rmse_before)} before, {short(gain.rmse_after)} after; noise alone is about "
-        f"{short(gain.noise_floor)}."
+        f"Gain on held-out data: {gain.percent:.1f} % ({interval}). RMSE of the adhesion on these "
+        f"data: plain curve {before}, extended model {after}; {noise}."
     )
     written = gain.as_written
     if written is not None:
         change = f"{abs(written.percent):.1f} % {'below' if written.percent >= 0.0 else 'above'}"
         text += (
-            " This is with the curve refitted to these data; the model as written has an RMSE "
-            f"of {short(written.rmse)}, {change} the plain curve."
+            " This is with the curve refitted to the held-out data; the model as written has an "
+            f"RMSE of {three_digits(written.rmse)} there, {change} the plain curve."
         )
     if gain.percent <= 0.0:
         text += " On these data the extension is no better than the plain curve."
@@ -334,23 +341,24 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
         yield from (f"- {sentence}" for sentence in found.wrong)
     yield from _refutations(found)
     if found.families:
-        yield table("Curve families, each alone", FAMILY_COLUMNS, family_rows(found.families))
+        yield table(FAMILY_TITLE, FAMILY_COLUMNS, family_rows(found.families))
     yield from _next_steps(found)
     rows = evidence_rows(found.evidence)
     if rows:
         few = f"the first {SHOWN} of " if rows[SHOWN:] else ""
         title_ = f"Evidence: {few}{evidence_title(found.evidence)}"
         yield table(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
+        yield EVIDENCE_NOTE
         yield decision_note([one for one in found.evidence if one.is_tested][:SHOWN])
     # What was tested says more than what could not be.
     for one in sorted(found.untested, key=lambda one: not one.rejected):
-        yield f"{'Rejected' if one.rejected else 'Not tested'}: {one.what}: {one.why}"
+        yield f"{untested_outcome(one, found.evidence).capitalize()}: {one.what}: {one.why}"
 
 
 def _refutations(found: Diagnosis) -> Iterator[str | FittingTable]:
     """What was refuted, and the sizes by environment."""
     if found.closest:
-        yield "Closest explanations, none of which is the cause:"
+        yield "Refuted explanations that help:"
         yield from (f"- {sentence}" for sentence in closest_sentences(found))
     widest = widest_environments(found)
     if widest:

@@ -7,7 +7,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.evidence import Decision, ModelScore
-from adhesion_can.diagnosis.formatting import short, unit_text
+from adhesion_can.diagnosis.formatting import short, three_digits, unit_text
 from adhesion_can.diagnosis.plot_result import (
     CurveData,
     PredictionPlot,
@@ -31,21 +31,22 @@ from adhesion_can.reporting.charts import (
     suffix,
     thinned,
 )
+from adhesion_can.reporting.evidence import DECISIONS
 from adhesion_can.reporting.page import Figure
 from adhesion_can.reporting.time_panels import Panel, panels_figure
 from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale
 
 BEFORE, AFTER, MEASURED = ORANGE, BLUE, GREY
-PLAIN, EXTENDED = "plain curve (before)", "extended (after)"
+PLAIN, EXTENDED = "plain curve", "extended model"
 FAMILY_COLOURS = (BEFORE, AFTER, "#009e73", "#cc79a7", "#b8860b")
 """Colours of the families, Burckhardt's first."""
 MOST_POINTS, FEW_POINTS = 3000, 1000
 """Largest number of points of a scatter plot, and number below which they are drawn larger."""
 
 
-def gain_figure(gain: Gain) -> Figure:
+def gain_figure(gain: Gain, *, extended: bool) -> Figure:
     """RMSE before and after beside the noise floor, with the gain's interval."""
-    names = ["before", "after", "noise alone"]
+    names = [PLAIN, EXTENDED if extended else "empirical curve", "noise alone"]
     values = [gain.rmse_before, gain.rmse_after, gain.noise_floor]
     # The gain is a share of `before`: its interval is one of `after`.
     best, worst = (gain.rmse_before * (1.0 - end / 100.0) for end in reversed(gain.interval))
@@ -59,7 +60,7 @@ def gain_figure(gain: Gain) -> Figure:
             "y": names,
             "x": values,
             "marker": {"color": [BEFORE, AFTER, MEASURED]},
-            "text": [short(value) for value in values],
+            "text": [three_digits(value) for value in values],
             "textposition": "inside",
             "insidetextanchor": "start",
             "hoverinfo": "x+y",
@@ -75,13 +76,14 @@ def gain_figure(gain: Gain) -> Figure:
         }
     ]
     layout = {
-        "xaxis": {"title": {"text": "RMSE of the adhesion coefficient"}, "rangemode": "tozero"},
+        "xaxis": {"title": {"text": "RMSE of the adhesion"}, "rangemode": "tozero"},
         "yaxis": {"type": "category", "autorange": "reversed"},
         "bargap": 0.35,
     }
     caption = (
-        "Error of the predicted adhesion on held-out data: plain curve, extended model, and the "
-        "noise floor of any model. The whisker is the 95 % interval of the gain."
+        f"RMSE of the adhesion on held-out data: {PLAIN} and {names[1]}. The whisker is the 95 % "
+        "interval of the gain. Noise alone: RMSE on the deciding data of a model with the named "
+        "effects and a spline in every channel."
     )
     return Figure(caption, data, layout, 210)
 
@@ -93,7 +95,8 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
         for one in models
     ]
     names = [
-        one.name if one.decision is None else f"{one.name}: {one.decision.value}" for one in models
+        one.name if one.decision is None else f"{one.name}: {DECISIONS[one.decision].name}"
+        for one in models
     ]
     scores = [one.held_out_rmse for one in models]
     data = [
@@ -115,9 +118,9 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
         "bargap": 0.3,
     }
     caption = (
-        "What decided: RMSE of the whitened residuals of each fitted model in held-out blocks, in "
-        "standard deviations σ of the noise. Smaller is better; a paired test over the blocks "
-        "shows whether another model is worse."
+        "What decided: RMSE of the whitened residuals of each fitted model on the deciding data, "
+        "each block predicted from the other blocks, in standard deviations σ of the noise. "
+        "Smaller is better; a paired test over the blocks shows whether another model is worse."
     )
     return Figure(caption, data, layout, 90 + 30 * len(models), "models")
 
@@ -179,8 +182,7 @@ def prediction_figure(prediction: PredictionPlot, *, extended: bool) -> Figure:
         line = {"color": DARK, "width": 1.2, "dash": "dash"}
         ideal = {"type": "scatter", "mode": "lines", "name": "predicted = measured", "line": line}
         data.append(ideal | {"x": ends, "y": ends, "showlegend": row == 0} | place(row))
-        which = "before" if row == 0 else "after"
-        axes.append({"title": {"text": f"predicted μ, {which}"}, "range": ends})
+        axes.append({"title": {"text": f"predicted μ, {style['name']}"}, "range": ends})
     height = 90 + 260 * len(shown)
     layout = panel_layout(axes, "measured adhesion coefficient μ", height)
     for row in range(len(shown)):
@@ -188,7 +190,7 @@ def prediction_figure(prediction: PredictionPlot, *, extended: bool) -> Figure:
     caption = (
         f"Measured and predicted adhesion, {len(measured)} of {prediction.rows} rows. A table of "
         "samples has no wheel speed to simulate; adhesion is predicted from the slip of each "
-        "row. On the dashed line the prediction is exact."
+        "row. On the dashed line the prediction is exact. RMSE: of the adhesion in the rows shown."
     )
     return Figure(caption, data, layout, height, "measured-against-predicted")
 
@@ -223,7 +225,7 @@ def profile_figure(profile: Profile) -> Figure:
         {
             "type": "scatter",
             "mode": "lines",
-            "name": "what the extension adds",
+            "name": "change by the extended model",
             "x": profile.at,
             "y": profile.fitted,
             "line": fitted,
@@ -240,10 +242,10 @@ def profile_figure(profile: Profile) -> Figure:
         },
     }
     caption = (
-        f"Measured minus predicted adhesion over {name}, averaged in bins, with standard errors; "
-        "positive if the rail provides more than predicted. The dashed line is the change that "
-        "the extension makes: where it agrees with the points 'before', the points 'after' are "
-        "at 0."
+        f"Measured minus predicted adhesion over {name} in all data, averaged in bins, with "
+        "standard errors; positive if the surface provides more than predicted. The dashed line "
+        "is the change that the extended model makes: where it meets the points of the plain "
+        "curve, the points of the extended model are at 0."
     )
     return Figure(caption, data, layout, 380)
 

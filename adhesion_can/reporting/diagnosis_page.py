@@ -9,6 +9,7 @@ from adhesion_can.reporting.diagnosed_drives import recording_times
 from adhesion_can.reporting.diagnosis import (
     ENVIRONMENT_COLUMNS,
     FAMILY_COLUMNS,
+    FAMILY_TITLE,
     cause_rows,
     closest_sentences,
     environment_rows,
@@ -30,10 +31,12 @@ from adhesion_can.reporting.environment_figure import environment_figure
 from adhesion_can.reporting.evidence import (
     CHANNEL_COLUMNS,
     EVIDENCE_COLUMNS,
+    EVIDENCE_NOTE,
     channel_rows,
     decision_note,
     evidence_rows,
     evidence_title,
+    untested_outcome,
 )
 from adhesion_can.reporting.model_parts import model_parts
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
@@ -59,7 +62,7 @@ def page(
     """
     sections: dict[str, Sequence[Text | Items | Table | Figure]] = {
         "What the simulation gets wrong": _wrong(found),
-        "Closest explanations, not the cause": _closest(found),
+        "Refuted explanations that help": _closest(found),
         "One size everywhere?": _environments(found),
         "Gain": _gain(found),
         "Measured and simulated": _simulation_plots(found),
@@ -68,8 +71,8 @@ def page(
         "Curve and data": _curve(found),
         "Evidence for every effect": _evidence(found),
         "Channels": _channels(found),
-        "What would separate the rivals": _needed(found),
-        "What could not be tested": _untested(found),
+        "What would distinguish the rivals": _needed(found),
+        "Not tested or rejected": _untested(found),
         "Extended model": _model(found),
         "Inputs": _inputs(found, problems),
     }
@@ -160,7 +163,8 @@ def _gain(found: Diagnosis) -> Parts:
         span = f"{times.seconds(begin):.1f} to {times.seconds(end):.1f} s"
         spans.setdefault(name, []).append(span)
     held = [f"Held out of {name}: {', '.join(own)}." for name, own in spans.items()]
-    return [gain_figure(gain), Items(held)] if held else [gain_figure(gain)]
+    figure = gain_figure(gain, extended=has_extension(found))
+    return [figure, Items(held)] if held else [figure]
 
 
 def _simulation_plots(found: Diagnosis) -> Parts:
@@ -216,7 +220,7 @@ def _surface_table(found: Diagnosis, *, extended: bool) -> Table:
     columns = ("surface", "model", "μ_max", "λ_m", "c1", "c2", "c3")
     also = ", and the extended model's base curve" if extended else ""
     return Table(
-        f"Every segment on one surface: the plain curve{also}, ± standard deviation.",
+        f"Every surface: the plain curve{also}, ± standard deviation.",
         columns,
         rows,
         "± ?: not identifiable from these data.",
@@ -226,22 +230,12 @@ def _surface_table(found: Diagnosis, *, extended: bool) -> Table:
 def _family_table(families: Sequence[FamilyResult]) -> Table:
     note = (
         f"{HELD_OUT_RMSE}: RMSE of the whitened residuals, each block predicted from the others, "
-        "in standard deviations σ of the noise; smaller is better. RMSE: of the adhesion, on the "
-        "data that decided. Another family replaces Burckhardt's only if its gain is significant "
-        "and no effect explains as much."
+        "in standard deviations σ of the noise; smaller is better. RMSE: of the adhesion on the "
+        "deciding data, to which the curves are fitted. Another family replaces Burckhardt's only "
+        "if its gain is significant and no effect explains as much."
     )
-    caption = "Curve families without effects; peaks at the mean speed and load."
+    caption = f"{FAMILY_TITLE}; peaks at the mean speed and load."
     return Table(caption, FAMILY_COLUMNS, family_rows(families), note)
-
-
-EVIDENCE_NOTE = (
-    "statistic, p: the effect alone against the plain curve; p is corrected for all effects "
-    "tested. absorbed: share of the effect's signature that c1, c2 and c3 can imitate; tests and "
-    "standard deviations use the remainder alone. most alike, cosine: the effect whose remainder "
-    "is nearest, before anything is fitted; where the cosine is near 1, the fits decide. gain: by "
-    "how much the effect alone lowers the RMSE of the data that decided."
-)
-"""Meaning of the columns of the evidence, without the decisions."""
 
 
 def _evidence(found: Diagnosis) -> Parts:
@@ -249,10 +243,12 @@ def _evidence(found: Diagnosis) -> Parts:
         return [Text("No effect could be tested.")]
     note = (
         f"{EVIDENCE_NOTE} {decision_note(found.evidence)} Effects that the curve imitates are "
-        "listed under 'What could not be tested'."
+        "listed under 'Not tested or rejected'."
     )
     rows = evidence_rows(found.evidence)
-    caption = f"{evidence_title(found.evidence)}. Causes and their rivals first, then by gain."
+    caption = (
+        f"{evidence_title(found.evidence)}. Causes first, then their rivals, then by gain alone."
+    )
     parts: Parts = [model_figure(found.models)] if len(found.models) > 1 else []
     return [*parts, Table(caption, EVIDENCE_COLUMNS, rows, note)]
 
@@ -262,9 +258,10 @@ def _channels(found: Diagnosis) -> Parts:
         return [Text("No channel could be tested.")]
     note = (
         "A smooth curve in each channel is fitted to the residual. p: p-value, corrected for "
-        "all channels. gain: reduction of the error by this curve."
+        "all channels. gain: reduction of the RMSE of the adhesion on the deciding data by this "
+        "curve."
     )
-    caption = "Residual by channel, with the named effects in the model."
+    caption = "Residual on the deciding data by channel, with the named effects in the model."
     return [Table(caption, CHANNEL_COLUMNS, channel_rows(found.channels), note)]
 
 
@@ -286,13 +283,20 @@ def _drives_that_tell(found: Diagnosis) -> Parts:
             (str(number), f"{step.duration_s:g}", step.description)
             for number, step in enumerate(next_drive.plan.steps, start=1)
         ]
-        parts.append(Table("The drive that separates them.", ("step", "s", "what"), rows))
+        parts.append(
+            Table("The drive that distinguishes the explanations.", ("step", "s", "what"), rows)
+        )
         pairs = [
             (pair.explanation, pair.rival, f"{pair.discrepancy:.0f}", f"{100 * pair.power:.0f} %")
             for pair in next_drive.pairs
         ]
         columns = ("if this is true", "this is refuted", "T", "with a probability of")
-        parts.append(Table("Power of this drive to separate the explanations.", columns, pairs))
+        note = (
+            "T: misfit of the second explanation, fitted to what the first one predicts, in "
+            "variances of the noise. Explanations are the cause, its rivals and others that remain."
+        )
+        caption = "Power of this drive to distinguish the explanations."
+        parts.append(Table(caption, columns, pairs, note))
     return parts
 
 
@@ -300,19 +304,27 @@ def _rivals(found: Diagnosis) -> Parts:
     rivals = dict.fromkeys(rival for cause in found.causes for rival in cause.rivals)
     needed = found.needed and f"Needed: {found.needed}"
     if not rivals:
-        return [Text(needed or "There are no rivals to separate.")]
+        return [Text(needed or "There are no rivals to distinguish.")]
     return [
         Text("Effects that these data cannot distinguish from the named one:"),
         Items([f"{rival}: {rival_title(rival)}" for rival in rivals]),
-        Text(needed or "No known manoeuvre or signal would separate them."),
+        Text(needed or "No known manoeuvre or signal would distinguish them."),
     ]
 
 
 def _untested(found: Diagnosis) -> Parts:
     if not found.untested:
         return [Text("Everything was tested.")]
-    rows = [(one.what, one.why) for one in found.untested]
-    return [Table("What these data do not identify.", ("what", "why"), rows, sentence_columns=(1,))]
+    rows = [
+        (one.what, untested_outcome(one, found.evidence), one.why)
+        for one in sorted(found.untested, key=lambda one: not one.rejected)
+    ]
+    note = (
+        "not tested: the data do not identify it. rejected: tested, and not confirmed. refuted: "
+        "tested, and ruled out as a cause."
+    )
+    columns = ("what", "outcome", "why")
+    return [Table("What is no finding, and why.", columns, rows, note, sentence_columns=(1, 2))]
 
 
 def _model(found: Diagnosis) -> Parts:

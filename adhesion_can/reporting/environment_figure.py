@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from adhesion_can.diagnosis.cause_result import EnvironmentSizes
-from adhesion_can.diagnosis.formatting import unit_text, value_and_unit
+from adhesion_can.diagnosis.formatting import axis_scale, value_and_unit
 from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace
 from adhesion_can.reporting.page import Figure
@@ -25,14 +25,15 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
     # Of several parameters the figure shows the one that varies most.
     effect, parameter, unit = drawn[0].effect, drawn[0].parameter, drawn[0].unit
     drawn, size = [one for one in drawn if one.parameter == parameter], drawn[0].size
+    factor, text = axis_scale(size, unit)
     data = [
-        _points([one for one in drawn if one.refutes is refutes], refutes=refutes)
+        _points([one for one in drawn if one.refutes is refutes], factor, refutes=refutes)
         for refutes in (False, True)
         if any(one.refutes is refutes for one in drawn)
     ]
     names = [level.level for one in drawn for level in one.levels]
     layout = {
-        "xaxis": {"title": {"text": f"{parameter} of {effect}, {unit_text(unit) or 'no unit'}"}},
+        "xaxis": {"title": {"text": f"{parameter}, {text or 'no unit'}"}},
         "yaxis": {
             "type": "category",
             "autorange": "reversed",
@@ -43,35 +44,44 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
         "shapes": [
             {
                 "type": "line",
-                "x0": size,
-                "x1": size,
+                "x0": factor * size,
+                "x1": factor * size,
                 "y0": 0,
                 "y1": 1,
                 "yref": "paper",
+                "layer": "below",
                 "line": {"color": DARK, "width": 1.2, "dash": "dot"},
             }
         ],
         "showlegend": len(data) > 1,
     }
     caption = (
-        f"{parameter} of {effect} in parts of the data, with 95 % intervals; the dotted line is "
-        f"its value in all data, {value_and_unit(size, unit)}. A cause has one size everywhere."
+        f"{effect}: {parameter} in parts of the data, with 95 % intervals. The dotted line is its "
+        f"value in all parts together, {value_and_unit(size, unit)}. A cause has one size "
+        "everywhere."
     )
     return Figure(caption, data, layout, MARGINS_HEIGHT + ROW_HEIGHT * len(names))
 
 
-def _points(environments: Sequence[EnvironmentSizes], *, refutes: bool) -> Trace:
-    """Points with whiskers of some partitions, in one colour."""
+def _points(environments: Sequence[EnvironmentSizes], factor: float, *, refutes: bool) -> Trace:
+    """Points with whiskers of some partitions, in one colour.
+
+    Args:
+        environments: Sizes by environment.
+        factor: Factor of the numbers on the axis.
+        refutes: Whether the sizes differ.
+
+    """
     levels = [level for one in environments for level in one.levels]
     return {
         "type": "scatter",
         "mode": "markers",
         "name": "sizes that differ" if refutes else "sizes that agree",
-        "x": [level.value for level in levels],
+        "x": [factor * level.value for level in levels],
         "y": [level.level for level in levels],
         "error_x": {
             "type": "data",
-            "array": [NORMAL_95 * level.std for level in levels],
+            "array": [factor * NORMAL_95 * level.std for level in levels],
             "thickness": 1.2,
             "width": 3,
         },

@@ -6,12 +6,16 @@ from math import isfinite
 from adhesion_can.diagnosis.evaluate import Evaluation, PartEvaluation
 from adhesion_can.diagnosis.formatting import short
 from adhesion_can.diagnosis.result import Comparison
+from adhesion_can.reporting.charts import BLUE, GREY, ORANGE
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
 from adhesion_can.reporting.text import FittingTable, table
 
+TITLE = "RMSE of the adhesion on all rows of each recording"
 COLUMNS = ("data", "rows", "plain", "as written", "gain", "refitted", "gain ")
+COLOURS = (ORANGE, GREY, BLUE)
+"""Colours of the plain curve, of the model as written and of the refitted one."""
 MEANING = (
-    "RMSE of the adhesion. Plain: Burckhardt's curve fitted to these data. As written: the "
+    "Plain: Burckhardt's curve fitted to these data. As written: the "
     "model from its file. Refitted: the effects from the file, the curve fitted to these data. "
     "Gains over the plain curve have 95 % intervals, with spans or recordings as units."
 )
@@ -19,7 +23,7 @@ MEANING = (
 
 def render_evaluation(found: Evaluation) -> Iterator[str | FittingTable]:
     """Parts for a terminal."""
-    yield table("RMSE of the adhesion, and gain over the plain curve", COLUMNS, _rows(found))
+    yield table(f"{TITLE}, and gain over the plain curve", COLUMNS, _rows(found))
     yield verdict(found)
     yield MEANING
 
@@ -61,7 +65,7 @@ def page(
 
     """
     sections = [
-        Section("Figures", [Table("RMSE of the adhesion.", COLUMNS, _rows(found), note=MEANING)]),
+        Section("Figures", [Table(f"{TITLE}.", COLUMNS, _rows(found), note=MEANING)]),
         Section("Recording by recording", [_figure(found)]),
         Section("Inputs", [Items(notes) if notes else Text("Every row was used.")]),
     ]
@@ -84,11 +88,12 @@ def _figure(found: Evaluation) -> Figure:
         "model, curve refitted": [one.refitted.rmse for one in parts],
     }
     data = [
-        {"type": "bar", "name": name, "x": names, "y": values, "hovertemplate": "%{y:.4g}"}
-        for name, values in bars.items()
-    ]
+        {"type": "bar", "name": name, "x": names, "y": values, "hovertemplate": "%{y:.4g}",
+         "marker": {"color": colour}}
+        for (name, values), colour in zip(bars.items(), COLOURS, strict=True)
+    ]  # fmt: skip
     layout = {"barmode": "group", "yaxis": {"title": {"text": "RMSE of the adhesion"}}}
-    return Figure("RMSE of the adhesion on each recording: lower is better.", data, layout)
+    return Figure(f"{TITLE}: lower is better.", data, layout)
 
 
 def _rows(found: Evaluation) -> list[tuple[str, ...]]:

@@ -2,16 +2,81 @@
 
 from collections.abc import Sequence
 from math import isfinite
+from typing import NamedTuple
 
-from adhesion_can.diagnosis.evidence import DECISIONS, ChannelEvidence, Evidence
+from adhesion_can.diagnosis.diagnose import DiagnosisSettings
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Decision, Evidence, Untested
 from adhesion_can.diagnosis.formatting import effect_name, fixed, p_equation, p_text, unit_text
+from adhesion_can.diagnosis.inference.equivalent_effects import EQUAL_GAIN
+from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN, LEVEL
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.plurals import counted
 
 EVIDENCE_COLUMNS = (
-    "effect", "statistic", "p", "absorbed", "most alike", "cosine", "gain", "decision",
+    "effect", "statistic", "p", "imitated", "most similar", "cosine", "gain alone", "decision",
 )  # fmt: skip
+EVIDENCE_NOTE = (
+    "statistic, p: the effect alone, tested against the plain curve; p is the probability that "
+    "noise gives so large a statistic, corrected for all effects tested. imitated: share of the "
+    "effect that other values of c1, c2 and c3 imitate; the test uses the remainder. most similar, "
+    "cosine: the effect whose remainder is most like this one's, before anything is fitted; 0 is "
+    "unlike, and near 1 or -1 only the fits distinguish the two. gain alone: reduction of the RMSE "
+    "of the adhesion on the deciding data by this effect without others."
+)
+"""Meaning of the columns of the evidence, without the decisions."""
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
+
+
+class _Words(NamedTuple):
+    """A decision for people.
+
+    Attributes:
+        name: The decision in a table or a figure.
+        meaning: Its meaning, a clause.
+
+    """
+
+    name: str
+    meaning: str
+
+
+DECISIONS = {
+    Decision.NAMED: _Words("named", "a cause"),
+    Decision.RIVAL: _Words(
+        "rival",
+        "the data cannot distinguish it from a cause: it predicts as well, has the same signature "
+        f"and {100 * EQUAL_GAIN:g} % of the gain, or differs only at another speed",
+    ),
+    Decision.OTHER_FORM: _Words("other form", "another form of a cause, or another axle"),
+    Decision.WORSE: _Words(
+        "worse",
+        "without others it predicts each block from the other blocks worse than the causes do "
+        f"(paired test, limit p = {LEVEL:g})",
+    ),
+    Decision.NOT_BETTER: _Words(
+        "no better",
+        "without others it predicts each block from the other blocks no better than the causes do "
+        f"(paired test, not worse for certain: limit p = {LEVEL:g})",
+    ),
+    Decision.WEAKER: _Words(
+        "not fitted",
+        "its gain, estimated beforehand, is below that of the effects that were fitted, or 0",
+    ),
+    Decision.REFUTED: _Words(
+        "refuted", "a test rules it out as a cause; the reason is given with its limit"
+    ),
+    Decision.IMPLAUSIBLE: _Words("impossible size", "it fits only with a size that no vehicle has"),
+    Decision.NOT_NAMED: _Words(
+        "no certain gain",
+        f"fitted, but its gain is below {100 * LEAST_GAIN:g} % or not certain (limit p = "
+        f"{LEVEL:g})",
+    ),
+    Decision.NOT_SIGNIFICANT: _Words(
+        "not significant", f"noise explains it (limit p = {DiagnosisSettings().alpha:g})"
+    ),
+    Decision.IMITATED: _Words("not tested", "the parameters of the curve imitate it"),
+}
+"""Each decision for people; JSON has its id."""
 
 
 def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
@@ -33,9 +98,18 @@ def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
 
 
 def _decision(evidence: Evidence) -> str:
+    name = DECISIONS[evidence.decision].name
     if not isfinite(evidence.worse_p_value):
-        return evidence.decision.value
-    return f"{evidence.decision.value}, {p_equation(evidence.worse_p_value)}"
+        return name
+    return f"{name}, {p_equation(evidence.worse_p_value)}"
+
+
+def untested_outcome(one: Untested, evidence: Sequence[Evidence]) -> str:
+    """Outcome for what is no finding: not tested, refuted as in its evidence, or rejected."""
+    if not one.rejected:
+        return "not tested"
+    refuted = {each.effect for each in evidence if each.decision is Decision.REFUTED}
+    return DECISIONS[Decision.REFUTED].name if one.what in refuted else "rejected"
 
 
 def evidence_title(evidence: Sequence[Evidence]) -> str:
@@ -51,7 +125,7 @@ def evidence_title(evidence: Sequence[Evidence]) -> str:
 def decision_note(evidence: Sequence[Evidence]) -> str:
     """Meaning of the decisions that a table of evidence holds."""
     there = {one.decision for one in evidence if one.is_tested}
-    meanings = [f"{one.value}: {text}" for one, text in DECISIONS.items() if one in there]
+    meanings = [f"'{text.name}': {text.meaning}" for one, text in DECISIONS.items() if one in there]
     return f"decision: {'; '.join(meanings)}."
 
 

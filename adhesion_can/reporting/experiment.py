@@ -210,7 +210,7 @@ def _lead(outcome: NoiseLevelResult) -> str:
     if experiment.theta0 is not None:
         start = "({:g}, {:g}, {:g})".format(*experiment.theta0)
         first = (
-            ", which is the curve of the first rail"
+            ", which is the curve of the first surface"
             if experiment.theta0 == experiment.surfaces[0]
             else ""
         )

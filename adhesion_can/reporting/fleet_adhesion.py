@@ -30,7 +30,7 @@ def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
 
     """
     if not estimates:
-        return [Text("No segment has a peak known within 10 %.")]
+        return [Text("No surface has a peak known within 10 %.")]
     by_line: dict[str, list[PlaceEstimate]] = defaultdict(list)
     for one in estimates:
         by_line[one.line].append(one)
@@ -51,9 +51,9 @@ def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
         for one in sorted(estimates, key=lambda one: one.median)[:MOST_ROWS]
     ]
     left = left_out(len(estimates), MOST_ROWS, "pair of line and day")
-    columns = ("line", "day", "μ_max", "middle half", "segments", "vehicles")
-    caption = "Median of μ_max over the segments of a line and day, the lowest first."
-    note = f"Segments whose μ_max is known within 10 %. {left}"
+    columns = ("line", "day", "μ_max", "middle half", "surfaces", "vehicles")
+    caption = "Median of μ_max over the surfaces of a line and day, the lowest first."
+    note = f"Surfaces whose μ_max is known within 10 %. {left}"
     parts.append(Table(caption, columns, rows, note, sentence_columns=(1,)))
     return parts
 
@@ -85,9 +85,11 @@ def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Fig
                          "dash": "solid" if number < len(COLOURS) else "dot"},
             }
         )  # fmt: skip
-    left = f" Lines left out, with fewer segments: {lines - len(by_line)}." * (lines > len(by_line))
+    left = f" Lines not shown, with fewer surfaces: {lines - len(by_line)}." * (
+        lines > len(by_line)
+    )
     caption = (
-        "Largest adhesion μ_max by day: median of the segments of a line, with the middle half as "
+        "Largest adhesion μ_max by day: median of the surfaces of a line, with the middle half as "
         f"a bar.{left}"
     )
     layout = {
@@ -103,7 +105,7 @@ def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Fig
 
 
 def map_parts(overview: "FleetOverview") -> list[Part]:
-    """Map of the segments with a position.
+    """Map of the surfaces with a position.
 
     Args:
         overview: What the report shows.
@@ -125,7 +127,7 @@ def map_parts(overview: "FleetOverview") -> list[Part]:
         {
             "type": "scatter",
             "mode": "markers",
-            "name": "μ_max of a segment",
+            "name": "μ_max of a surface",
             "x": longitude,
             "y": latitude,
             "marker": {
@@ -153,7 +155,7 @@ def map_parts(overview: "FleetOverview") -> list[Part]:
         "hovermode": "closest",
     }
     left = (
-        f" {len(points)} of {overview.located} segments shown."
+        f" {len(points)} of {overview.located} surfaces shown."
         if overview.located > len(points)
         else ""
     )

@@ -1,9 +1,8 @@
 """Words of the page of a fleet: whose finding it is, its size, what is not shown."""
 
-from math import floor, log10
 from typing import TYPE_CHECKING
 
-from adhesion_can.diagnosis.formatting import measured, unit_text
+from adhesion_can.diagnosis.formatting import axis_scale, measured
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
 from adhesion_can.plurals import counted
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 60
 """Largest number of rows of a table, that of the vehicles aside."""
-LEAST_PLAIN, MOST_PLAIN = 1e-3, 1e5
-"""Sizes outside which an axis is drawn in a power of ten."""
 RELATIVE = frozenset({WheelRadius().id, SpeedScale().id})
 """Effects whose size is a relative error, shown in percent."""
 UNITS = {"1/%": "per %", "1/K": "per K", "1/s": "per s"}
@@ -51,11 +48,8 @@ def format_value(size: "PooledSize", value: float, std: float) -> str:
 def size_axis(size: "PooledSize") -> tuple[float, str]:
     """Factor of the numbers on an axis, and its title: parameter, power of ten and unit."""
     factor, unit = _scale(size.effect, size.unit)
-    text, shown = unit_text(unit), abs(factor * size.value)
-    if shown and not LEAST_PLAIN <= shown < MOST_PLAIN:
-        power = floor(log10(shown))
-        return factor / 10.0**power, f"{size.parameter}, 1e{power} {text}".strip()
-    return factor, f"{size.parameter}, {text}" if text else size.parameter
+    power, text = axis_scale(factor * size.value, unit)
+    return factor * power, f"{size.parameter}, {text}" if text else size.parameter
 
 
 def _scale(effect: str, unit: str) -> tuple[float, str]:

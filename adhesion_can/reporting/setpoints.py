@@ -47,7 +47,7 @@ FIELDS = (
     _number("c1", "level of the curve"),
     _number("c2", "steepness of the curve"),
     _number("c3", "fall of the curve"),
-    _number("surface_age_s", "since the rail last changed", "s"),
+    _number("surface_age_s", "since the surface last changed", "s"),
     *(_number(f"mu_max_ax{axle}", f"mu_max of axle {axle}") for axle in _AXLES),
     *(_number(f"lambda_m_ax{axle}", f"lambda_m of axle {axle}") for axle in _AXLES),
     _number("speed_mps", "vehicle speed", "m/s"),

@@ -38,7 +38,7 @@ GAUGES: tuple[tuple[str, str, Callable[[Outputs], float | None]], ...] = (
         "recommended creep speed",
         lambda out: out.setpoint.creep_speed,
     ),
-    ("surface_age_seconds", "time since the rail changed", lambda out: out.surface_age_s),
+    ("surface_age_seconds", "time since the surface changed", lambda out: out.surface_age_s),
     ("vehicle_speed_meters_per_second", "vehicle speed", lambda out: out.speed),
 )
 """Name, meaning and value of each figure that goes up and down; no sample where it is not

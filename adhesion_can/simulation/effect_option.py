@@ -129,7 +129,7 @@ def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str
         covariates={name: every(value) for name, value in covariates.items()},
     )
     if np.min(compute_change([active], common, LagStates()).factor) <= MIN_FACTOR:
-        raise InputError(where, "leaves no adhesion on a common rail", "give a smaller size")
+        raise InputError(where, "leaves no adhesion on a common surface", "give a smaller size")
 
 
 def _is_same(one: ActiveEffect, other: ActiveEffect) -> bool:

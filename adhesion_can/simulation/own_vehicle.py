@@ -170,7 +170,8 @@ def _describe_limit(found: Range, effort: float, vehicle: Locomotive) -> str:
     share = effort / fmean(vehicle.axle_load)
     return (
         f"efforts are up to {effort / 1e3:.3g} kN, by the range of {signal.name} "
-        f"({_ends(signal)}): an adhesion of {share:.2f}; a rail with a higher peak does not show it"
+        f"({_ends(signal)}): an adhesion of {share:.2f}; a surface with a higher peak does not "
+        "show it"
     )
 
 

@@ -63,7 +63,7 @@ def test_a_rail_of_another_level_shows_in_the_model_as_written(named, capsys):
     out = " ".join(capsys.readouterr().out.split())
     assert status == 0
     assert "Its effects apply here, but its curve does not" in out
-    assert "with the curve refitted to these data; the model as written" in answer.out
+    assert "with the curve refitted to the held-out data; the model as written" in answer.out
 
 
 def test_recordings_stand_beside_each_other(named):

@@ -45,10 +45,10 @@ from adhesion_can.reporting.text import console
 from tests.reporting.test_page import NASTY, Elements, nothing_is_loaded
 
 SECTIONS = (
-    "What the simulation gets wrong", "Closest explanations, not the cause",
+    "What the simulation gets wrong", "Refuted explanations that help",
     "One size everywhere?", "Gain", "Measured and simulated", "Residual",
-    "Curve and data", "Evidence for every effect", "Channels", "What would separate the rivals",
-    "What could not be tested", "Extended model", "Inputs", "Provenance",
+    "Curve and data", "Evidence for every effect", "Channels", "What would distinguish the rivals",
+    "Not tested or rejected", "Extended model", "Inputs", "Provenance",
 )  # fmt: skip
 SOURCES = (
     InputFile(Path("drive one.log"), "drive one.log", "ab" * 32),
@@ -243,7 +243,7 @@ def test_a_named_cause_is_told_with_its_size_its_certainty_and_its_rivals():
     assert "p = 0.001, corrected for all effects tested" in first
     assert "cannot distinguish it from slow_drift (adhesion drifts with time)" in first
     assert "33.8 % (95 % interval 28.1 to 39.5 %)" in gain
-    assert "0.0213 before, 0.0141 after; noise alone is about 0.0122" in gain
+    assert "plain curve 0.0213, extended model 0.0141; noise alone is about 0.0122" in gain
     assert "this drive only" in gain
 
 
@@ -252,7 +252,9 @@ def test_much_that_is_left_is_not_called_noise():
     assert found.conclusive
     found = replace(found, gain=replace(found.gain, noise_floor=0.006))
     first, _ = verdict_sentences(found)
-    assert first.startswith("Undecided: the plain curve leaves a residual of 0.0121, noise alone")
+    assert first.startswith(
+        "Undecided: on held-out data the plain curve has an RMSE of 0.0121, noise alone has about"
+    )
     assert not found.to_dict()["conclusive"]
 
 
@@ -265,7 +267,7 @@ def test_an_effect_that_shows_and_is_not_named_is_not_called_noise():
     )
     first, _ = verdict_sentences(found)
     assert first.startswith("Undecided: the deciding data show an effect")
-    assert first.endswith(f"p = 0.001, gain 33.0 %; {why}.")
+    assert first.endswith(f"p = 0.001, gain alone 33.0 %; {why}.")
     assert f"Rejected: {sure.effect}: {why}" in " ".join(printed(found).split())
     assert not found.to_dict()["conclusive"]
 
@@ -274,7 +276,7 @@ def test_nothing_found_is_no_proof_and_says_so():
     first, gain = verdict_sentences(nothing())
     assert first.startswith("Nothing found")
     assert "may still be too small" in first
-    assert "p = 0.310, gain 0.4 %" in first
+    assert "p = 0.310, gain alone 0.4 %" in first
     assert gain.startswith("There is no extension")
     (only,) = verdict_sentences(empty())
     assert only.startswith("No verdict")
@@ -299,7 +301,7 @@ def test_a_gain_that_no_model_holds_is_told_as_one():
         assert "There is no extension" in " ".join(elements.text.values())
         for figure in elements.figures():
             names = {trace.get("name") for trace in figure["data"]}
-            assert "extended (after)" not in names or "what the extension adds" in names
+            assert "extended model" not in names or "change by the extended model" in names
     assert "which a model file" not in " ".join(verdict_sentences(unexplained()))
 
 
@@ -459,8 +461,8 @@ def test_what_is_closest_is_said_with_its_size_and_the_reason():
     assert (
         "the wheelset's inertia differs from the configured one (wheelset_inertia: "
         "error 812 ± 33 kg·m²) "
-        "reduces the error on held-out data by 12.3 % but is not the cause: its error is not the "
-        "same everywhere."
+        "reduces the RMSE on held-out data by 12.3 % but is refuted as the cause: its error is not "
+        "the same everywhere."
     ) in text
     assert "wheelset_inertia" not in "".join(verdict_sentences(named()))
 

@@ -8,15 +8,15 @@ allows: by the scatter of the blocks, or by that of the noise (Cox, J. R. Statis
 cause must withstand (`refutation`): the best of several wrong explanations is still wrong.
 """
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
 from adhesion_can.diagnosis.formatting import p_equation
-from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEVEL,
     is_worse,
@@ -25,6 +25,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
 )
 from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
 from adhesion_can.diagnosis.refutation.refute import describe_refutation
+from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import fit_start_curves
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
@@ -36,6 +37,9 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     fit_model,
 )
 from adhesion_can.normal_quantiles import NORMAL_95
+
+FARTHEST = float(scipy.stats.norm.isf(LEVEL))
+"""Excess of an explanation's misfit from which it is refuted, standard deviations of the noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +69,8 @@ class RemainingExplanations:
         winner: Explanation that alone is left; None where several are, or the plain curve.
         p_value: Probability with which chance would part the best from the nearest refuted
             one as clearly, by the test that refuted that one.
+        refuted_effects: P-value of each effect that refuted explanations alone have, by its id and
+            axle, by the test that refuted them; NaN where no test of the fits did.
 
     """
 
@@ -74,6 +80,7 @@ class RemainingExplanations:
     refuted: tuple[RefutedExplanation, ...]
     winner: Explanation | None = None
     p_value: float = 1.0
+    refuted_effects: Mapping[tuple[str, int], float] = field(default_factory=dict)
 
     @property
     def refutes_plain(self) -> bool:
@@ -134,7 +141,7 @@ def find_remaining(
 
     """
     regression = prepared.regression.last_fit
-    fits = [_fit(regression, prepared, one.model) for one in explanations]
+    fits = [fit_to_drives(regression, prepared, one.model) for one in explanations]
     order = sorted(range(len(fits)), key=lambda k: fits[k].cross_validated_square)
     refuted: dict[int, str] = {}
     standing = [k for k in order if not _is_sizeless(fits[k])]
@@ -142,13 +149,13 @@ def find_remaining(
         if k not in standing and len(fits) > 1:
             refuted[k] = "its size is 0 within its error"
     best = next(iter(standing), order[0])
-    p_values = []
+    p_values: dict[int, float] = {}
     for k in standing:
         if k == best:
             continue
         test = _compare(regression, fits[best], fits[k], explanations[best].name)
         if test is not None:
-            p_values.append(test.p_value)
+            p_values[k] = test.p_value
             refuted[k] = test.reason
     for k in order:
         if k not in refuted:
@@ -156,37 +163,32 @@ def find_remaining(
             if reason:
                 refuted[k] = reason
     left = [explanations[k] for k in order if k not in refuted]
+    possible = {key for one in left for key in effect_keys(one.model.candidates)}
+    contradicted = {
+        key: p_values.get(k, nan)
+        for k in refuted
+        for key in effect_keys(explanations[k].model.candidates)
+        if key not in possible
+    }
     return RemainingExplanations(
         tuple(before),
         tuple(by),
         tuple(one.name for one in left),
         tuple(RefutedExplanation(explanations[k].name, why) for k, why in refuted.items()),
         left[0] if len(left) == 1 and left[0].name != PLAIN else None,
-        max(p_values, default=1.0),
+        max(p_values.values(), default=1.0),
+        contradicted,
     )
 
 
-def select_winner(found: Findings, remaining: RemainingExplanations) -> Findings | None:
-    """The findings with the explanation that is left selected; None where none is.
-
-    Args:
-        found: Findings on all drives, with Burckhardt's curve.
-        remaining: What the drive left of the explanations.
-
-    """
-    winner = remaining.winner
-    if winner is None or winner.model.curves.family is not BURCKHARDT:
-        return None
-    regression, selection = found.prepared.regression, found.selection
-    best = score_model(regression, _fit(regression, found.prepared, winner.model))
-    p_value = remaining.p_value
-    return replace(
-        found,
-        selection=replace(selection, best=best, indistinguishable=(), planned_p_value=p_value),
-    )
+def effect_keys(candidates: Iterable[Candidate]) -> set[tuple[str, int]]:
+    """Id and axle of effects: another form of an effect is no other explanation."""
+    return {(one.effect.id, one.axle) for one in candidates}
 
 
-def _fit(regression: WhitenedRegression, prepared: PreparedRegression, model: Model) -> FittedModel:
+def fit_to_drives(
+    regression: WhitenedRegression, prepared: PreparedRegression, model: Model
+) -> FittedModel:
     """A model's effects fitted to all drives, with curves of its family for every rail."""
     curves, family = prepared.plain.model.curves, model.curves.family
     if curves.family is not family:
@@ -226,7 +228,7 @@ def _compare(
     if by_noise < LEVEL:
         return _Refutation(
             f"its misfit is {away:.1f} standard deviations of the noise larger than that of "
-            f"{best_name}",
+            f"{best_name} (limit: {FARTHEST:.1f})",
             by_noise,
         )
     if not is_worse(score_model(regression, best), score_model(regression, other)):
@@ -235,7 +237,7 @@ def _compare(
     by_blocks = worse_p_value(best, other)
     return _Refutation(
         f"its sum of squares is {more:.1f} % above that of {best_name}, more than the scatter of "
-        f"the blocks explains ({p_equation(by_blocks)})",
+        f"the blocks explains ({p_equation(by_blocks)}; limit: {LEVEL:g})",
         by_blocks,
     )
 

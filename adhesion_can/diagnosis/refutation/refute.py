@@ -15,13 +15,21 @@ from math import inf
 from typing import NamedTuple
 
 from adhesion_can.diagnosis.cause_result import Witness
-from adhesion_can.diagnosis.formatting import measured, short, unit_text, value_and_unit
+from adhesion_can.diagnosis.formatting import (
+    measured,
+    p_equation,
+    short,
+    unit_text,
+    value_and_unit,
+)
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.imitations import find_growth
 from adhesion_can.diagnosis.inference.model_comparison import ScoredModel
 from adhesion_can.diagnosis.refutation.block_variance import MOST_LEFT, compute_variance_left
 from adhesion_can.diagnosis.refutation.environments import Partition, build_partitions
 from adhesion_can.diagnosis.refutation.invariance import (
+    LEVEL,
+    MOST_SPREAD,
     SizesByEnvironment,
     compute_sizes,
     find_refuting,
@@ -344,4 +352,8 @@ def _describe_sizes(candidate: Candidate, sizes: SizesByEnvironment) -> str:
         f"({sizes.labels[k]})"
         for k in (low, high)
     ]
-    return f"its {parameter.name} is not the same everywhere: {texts[0]}, {texts[1]}"
+    return (
+        f"its {parameter.name} is not the same everywhere: {texts[0]}, {texts[1]} "
+        f"({p_equation(sizes.p_value)}, spread {100 * sizes.spread:.0f} %; limits: {LEVEL:g} and "
+        f"{100 * MOST_SPREAD:g} %)"
+    )

@@ -37,7 +37,7 @@ def demo_texts(
         title="Demo: a simulated locomotive follows the service",
         lead=(
             "A simulated locomotive, the service and a creep controller on one bus, "
-            f"{duration_text(surfaces[-1]['to_s'])}, on these rails: {names}."
+            f"{duration_text(surfaces[-1]['to_s'])}, on these surfaces: {names}."
         ),
         verdict=[_sentence(phase) for phase in found],
         quality=core_quality(core, sum(record.frames for record in core.receiver.records)),

@@ -151,8 +151,6 @@ class Cursor {
       const top = 1 - (tops[row] - first) / plot;
       full[name] = { ...full[name], title: { text: "" }, domain: [Math.max(top - this.heights[row] / plot, 0), top] };
     });
-    for (const name of Object.keys(full))
-      if (full[name] && full[name].type === "category") full[name].ticklabelposition = this.stage.clientWidth < NARROW ? "inside" : "outside";
     this.line.style.height = `${y - 4}px`;
     // Plotly must not move the panels away from their headings.
     for (const name of Object.keys(full)) if (/^xaxis/.test(name)) full[name].automargin = false;

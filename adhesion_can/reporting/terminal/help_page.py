@@ -34,8 +34,8 @@ SIGNS = (
         "Curve",
         (
             "line: identified curve; ░ its 95 % band, from the standard deviations of the peak; ◆ "
-            "peak; ┊ creep setpoint as slip; dots: samples of the last 5 s on this rail; digits: "
-            "axles now."
+            "peak; ┊ creep setpoint as slip; dots: samples of the last 5 s on this surface; "
+            "digits: axles now."
         ),
     ),
     (

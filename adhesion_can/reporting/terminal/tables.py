@@ -241,7 +241,7 @@ def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
         rejected, lost = _plain(service.rejected, "rejected", 0), _plain(service.lost, "lost", 0)
         entries = {
             "curve": curve,
-            "surface": _plain(service.surface_age_s, "s since the rail changed", 1),
+            "surface": _plain(service.surface_age_s, "s since it changed", 1),
             "creep": _plain(service.creep_speed, "m/s, setpoint of all axles", 3),
             "doubt": service.doubt.name.lower().replace("_", " "),
             **_objection(service.objection),
