@@ -10,6 +10,7 @@ import numpy as np
 
 from adhesion_can.api.calibration import (
     build_coasting_drive,
+    needed_roles,
     require_calibration_roles,
     require_calibration_signals,
 )
@@ -138,7 +139,8 @@ def run(options: argparse.Namespace) -> int:
     with reading("reading", recordings) as watched:
         for recording in recordings:
             blocks = watched(blocks_in_sequence([recording], config.service.restart_s))
-            loaded.append(load_traces(blocks, config, str(recording.path)))
+            needed = needed_roles(reference)
+            loaded.append(load_traces(blocks, config, str(recording.path), needed))
     drives = [build_coasting_drive(one, config, reference) for one in loaded]
     where = ", ".join(map(str, options.log))
     require_calibration_signals(drives, where, options.speed)

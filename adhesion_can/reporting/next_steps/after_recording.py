@@ -6,6 +6,7 @@ from adhesion_can.diagnosis.evaluate import Evaluation
 from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
+from adhesion_can.offline.recording_fit import Misfit
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import WORDINGS, Objection
@@ -28,6 +29,9 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
 
     """
     failures = [one for result in results for one in result.failures]
+    for misfit in (one.misfit for one in results if isinstance(one, CheckResult)):
+        if misfit is not None:
+            return _after_misfit(misfit, typed)
     if failures:
         which = "this fault" if len(failures) == 1 else f"these {len(failures)} faults"
         return NextStep(
@@ -79,6 +83,7 @@ def after_replay(
     doubts: Sequence[Doubt],
     objections: Mapping[Objection, float],
     typed: Typed,
+    dropped: Mapping[str, int] | None = None,
 ) -> NextStep:
     """What the service ended with, and what to do next.
 
@@ -87,6 +92,7 @@ def after_replay(
         doubts: What the service doubted, the most frequent first.
         objections: Share of the time of each objection, 0..1.
         typed: What the user typed.
+        dropped: Number of wheel speeds that gave no sample, by reason, where none gave one.
 
     """
     lasting = [one for one in WORDINGS if objections.get(one, 0.0) >= LASTS]
@@ -99,7 +105,9 @@ def after_replay(
         finding = f"The service doubts its curve: {DESCRIPTIONS[doubt]}."
         return NextStep(finding, typed.on_inputs("diagnose"))
     if last is None:
-        return NextStep("The service found no curve.", typed.on_inputs("check"))
+        reasons = ", ".join(f"{why} ({count})" for why, count in (dropped or {}).items())
+        why = f": no sample could be formed: {reasons}" if reasons else ""
+        return NextStep(f"The service found no curve{why}.", typed.on_inputs("check"))
     if not last.identifiable.both:
         return NextStep("The drive ends without an identifiable peak.", typed.on_inputs("identify"))
     model = () if typed.model is None else ("--model", typed.model)
@@ -134,6 +142,19 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
     return NextStep(
         f"The model's effects {finding}.", typed.on_inputs("diagnose", "--extended", "NEW.toml")
     )
+
+
+def _after_misfit(misfit: Misfit, typed: Typed) -> NextStep:
+    finding = (
+        "The recording is of another bus than the configuration."
+        if misfit.of_other_bus
+        else "The recording lacks messages that are needed."
+    )
+    if misfit.of_other_bus and not typed.configuration:
+        again = typed.on_inputs("check", "--config", "F")
+        made = typed.command("init", "--dbc", "YOUR.dbc", "--out", "F")
+        return NextStep(finding, f"{again} (F: this vehicle's configuration; {made} writes it)")
+    return NextStep(finding, f"{misfit.fix}, then {typed.on_inputs('check')}")
 
 
 def _is_hidden(segment: Segment) -> bool:
