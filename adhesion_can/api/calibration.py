@@ -47,6 +47,7 @@ def calibrate(
                 config,
                 str(one.path),
                 needed_roles(),
+                partly=True,
             ),
             config,
         )
@@ -59,7 +60,7 @@ def calibrate(
 def needed_roles(reference: Trace | None = None) -> set[Role]:
     """Roles without whose readings a recording is not one of the configured bus.
 
-    Efforts are not among them: a missing one has an error of its own, with another fix.
+    Efforts are not among them, because steady speeds can be used without.
 
     Args:
         reference: Vehicle speed of another recorder, where one is used.

@@ -83,6 +83,8 @@ def load_traces(
     config: Configuration,
     where: str,
     needed: Collection[Role] = REQUIRED,
+    *,
+    partly: bool = False,
 ) -> LoadedTraces:
     """Load the readings of all accepted frames.
 
@@ -91,6 +93,7 @@ def load_traces(
         config: Messages and roles to receive.
         where: Name of the recording, for errors.
         needed: Roles without whose readings the recording is not one of the configured bus.
+        partly: Whether it may lack some of them, unless it is of another bus.
 
     Raises:
         RecordingError: The recording is not one of the configured bus.
@@ -109,5 +112,5 @@ def load_traces(
         loaded.add(receiver.accept_block(own, t_us).readings)
     loaded.rejected = receiver.rejected
     loaded.stuck = receiver.stuck_sentences
-    require_fit(receiver, frames, seen, config, where, needed=needed)
+    require_fit(receiver, frames, seen, config, where, needed=needed, partly=partly)
     return loaded

@@ -115,6 +115,7 @@ def require_fit(
     *,
     samples: int | None = None,
     needed: Collection[Role] = REQUIRED,
+    partly: bool = False,
 ) -> None:
     """Raise a RecordingError where a recording is not one of the configured bus.
 
@@ -126,11 +127,12 @@ def require_fit(
         where: Name of the recording, for the error.
         samples: As for `find_misfit`.
         needed: As for `find_misfit`.
+        partly: Whether a recording of this bus may lack some of the needed messages.
 
     """
     require_accepted(receiver, frames, seen, configuration, where)
     found = find_misfit(receiver, seen, configuration, samples=samples, needed=needed)
-    if found is not None:
+    if found is not None and not (partly and not found.of_other_bus):
         raise RecordingError(where, found.what, found.fix)
 
 

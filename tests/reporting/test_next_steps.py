@@ -1,6 +1,7 @@
 """The line with which a command ends: a finding in the user's quantities, and what can be typed."""
 
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -201,15 +202,18 @@ def test_what_follows_a_replay(doubts, objections, last, wanted):
 
 
 @pytest.mark.parametrize(
-    ("percent", "interval", "said"),
+    ("percent", "interval", "finding", "action"),
     [
-        (12.0, (8.0, 15.0), "The model's effects hold on these data. Next: adhesion-can replay"),
-        (0.1, (0.05, 0.15), "hardly act on these data: gain 0.1 %. Next: record a drive in which"),
-        (3.0, (-1.0, 6.0), "have no certain gain on these data. Next: adhesion-can diagnose"),
-        (-9.0, (-12.0, -3.0), "make the prediction worse on these data. Next: adhesion-can"),
+        (12.0, (8.0, 15.0), "are of practical use on these data: gain 12.0 %", "replay"),
+        (0.1, (0.05, 0.15), "hardly act on these data: gain 0.10 %", "record a drive in which"),
+        (3.0, (-1.0, 6.0), "It is not certain that the model's effects help", "diagnose"),
+        (-9.0, (-12.0, -3.0), "make the prediction worse on these data: gain -9.0 %", "diagnose"),
+        (3.0, (-inf, inf), "It is not known whether the model's effects help", "record a longer"),
     ],
 )
-def test_a_model_holds_only_where_its_effects_act(percent, interval, said):
+def test_what_follows_an_evaluation_is_what_the_gain_is_worth(percent, interval, finding, action):
     gain = SimpleNamespace(percent=percent, interval=interval)
     found = SimpleNamespace(total=SimpleNamespace(refitted=gain))
-    assert said in after_evaluation(found, LOG).line
+    step = after_evaluation(found, LOG)
+    assert finding in step.finding
+    assert action in step.action

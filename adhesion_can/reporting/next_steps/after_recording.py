@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from adhesion_can.diagnosis.evaluate import Evaluation
+from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
 from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
@@ -15,8 +16,6 @@ from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 LASTS = 0.05
 """Share of the time from which an objection comes first: a step of all efforts is objected to until
 slip or vehicle speed answer it, and a rail that changes does that."""
-LEAST_GAIN = 0.5
-"""Gain of a model below which data hardly show its effects, %."""
 BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
 
 
@@ -125,22 +124,17 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
 
     """
     refitted = found.total.refitted
+    worth = judge_model(refitted)
+    finding = f"{worth.finding}: gain {describe_gain(refitted)}."
     model = () if typed.model is None else ("--model", typed.model)
-    if 0.0 < refitted.percent < LEAST_GAIN and refitted.interval[0] > 0.0:
-        again = typed.command("evaluate", typed.new_file("OTHER"), *model)
-        return NextStep(
-            f"The model's effects hardly act on these data: gain {refitted.percent:.1f} %.",
-            f"record a drive in which they act, then {again}",
-        )
-    if refitted.percent > 0.0 and refitted.interval[0] > 0.0:
-        name = "identify" if typed.tables else "replay"
-        return NextStep("The model's effects hold on these data.", typed.on_inputs(name, *model))
-    harm = refitted.interval[1] < 0.0
-    finding = (
-        "make the prediction worse on these data" if harm else "have no certain gain on these data"
-    )
+    again = typed.command("evaluate", typed.new_file("OTHER"), *model)
+    actions = {
+        ModelWorth.USEFUL: typed.on_inputs("identify" if typed.tables else "replay", *model),
+        ModelWorth.SMALL: f"record a drive in which they act, then {again}",
+        ModelWorth.UNKNOWN: f"record a longer drive, then {again}",
+    }
     return NextStep(
-        f"The model's effects {finding}.", typed.on_inputs("diagnose", "--extended", "NEW.toml")
+        finding, actions.get(worth) or typed.on_inputs("diagnose", "--extended", "NEW.toml")
     )
 
 
