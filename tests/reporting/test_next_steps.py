@@ -110,6 +110,19 @@ def test_a_size_at_its_bound_is_not_stated_as_known():
     assert not meaning.setting
 
 
+OWN_KEYS = {
+    "channel": "can1",
+    "unit": "kN",
+    "sign": -1,
+    "protection": "e2e-p01",
+    "data_id": 7,
+    "cycle_us": 20_000,
+    "not_available": False,
+    "stuck_check": False,
+}
+"""Keys that the user's entry may have, and that the new one must keep."""
+
+
 @pytest.mark.parametrize(
     ("one", "axle", "reads", "true"),
     [
@@ -124,7 +137,7 @@ def test_the_entries_of_roles_can_be_loaded_and_correct_what_reads_high(
 ):
     """Each reading holds a factor and an offset of its own, which stay in force."""
     own = tuple(
-        replace(choice, factor=0.5, offset=100.0) if choice.axle == axle else choice
+        replace(choice, factor=0.5, offset=100.0, **OWN_KEYS) if choice.axle == axle else choice
         for choice in CONFIGURATION.choices
     )
     known = replace(CONFIGURATION, choices=own)
@@ -133,6 +146,7 @@ def test_the_entries_of_roles_can_be_loaded_and_correct_what_reads_high(
     path = tmp_path / "own.toml"
     path.write_text("\n".join([section, *entries.split(" and "), ""]))
     (choice,) = [c for c in load_configuration(path).choices if c.axle == axle]
+    assert {key: getattr(choice, key) for key in OWN_KEYS} == OWN_KEYS
     raw = (reads + 100.0) / 0.5
     assert raw * choice.used_factor - choice.offset == pytest.approx(true, rel=1e-4)
 

@@ -110,7 +110,7 @@ def _after_named(
 
 def _lacks_roles(meanings: list[Meaning], configuration: Configuration) -> bool:
     """Whether a default role is to be corrected: one role in a file replaces all of them."""
-    is_default = configuration.choices == packaged_choices()
+    is_default = set(configuration.choices) == set(packaged_choices())
     return is_default and any(one.in_roles for one in meanings)
 
 

@@ -1,6 +1,7 @@
 """Named causes in the quantities that a user knows: metres, newtons, milliseconds, percent."""
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import floor, isfinite, log10
 from typing import NamedTuple
@@ -119,13 +120,30 @@ def _effort_bias(values: Values, configuration: Configuration) -> Meaning:
 
 def _role_keys(choices: Sequence[SignalChoice]) -> str:
     """Entries of [roles] with their factors and offsets, as TOML; '' without any role."""
-    entries = []
-    for one in choices:
-        keys = [f'signal = "{one.message}.{one.signal}"']
-        keys += [f"factor = {one.factor:.5g}"] if one.factor is not None else []
-        keys += [f"offset = {one.offset:.5g}"] if one.offset else []
-        entries.append(f'"{one.name}" = {{ {", ".join(keys)} }}')
+    entries = [f'"{one.name}" = {{ {", ".join(_keys(one))} }}' for one in choices]
     return f"{' and '.join(entries)}{_ROLES}" if entries else ""
+
+
+def _keys(one: SignalChoice) -> Iterator[str]:
+    """All keys of a role that are not the defaults: the entry takes the place of the user's."""
+    yield f'signal = "{one.message}.{one.signal}"'
+    texts = {"channel": one.channel, "unit": one.unit, "protection": one.protection}
+    for key, text in texts.items():
+        if text is not None:
+            yield f"{key} = {json.dumps(text, ensure_ascii=False)}"
+    if one.factor is not None:
+        yield f"factor = {one.factor:.5g}"
+    if one.sign != 1:
+        yield f"sign = {one.sign}"
+    if one.offset:
+        yield f"offset = {one.offset:.5g}"
+    if one.data_id is not None:
+        yield f"data_id = {one.data_id}"
+    if one.cycle_us is not None:
+        yield f"cycle_ms = {one.cycle_us / 1e3:g}"
+    for key, kept in (("not_available", one.not_available), ("stuck_check", one.stuck_check)):
+        if not kept:
+            yield f"{key} = false"
 
 
 def _wheelset_inertia(values: Values, configuration: Configuration) -> Meaning:
