@@ -1,7 +1,7 @@
 """What the effects of a model are worth on data: by the gain of the model with its curve refitted.
 
-The service refits the curve on every rail, so this gain, and not that of the model as written, is
-what the effects give it.
+The service refits the curve on every rail, so it profits from this gain and not from that of the
+model as written.
 """
 
 from enum import StrEnum

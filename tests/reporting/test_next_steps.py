@@ -112,7 +112,6 @@ def test_a_size_at_its_bound_is_not_stated_as_known():
 
 OWN_KEYS = {
     "channel": "can1",
-    "unit": "kN",
     "sign": -1,
     "protection": "e2e-p01",
     "data_id": 7,
