@@ -42,13 +42,31 @@ def calibrate(
     opened = as_recordings(recordings)
     drives = [
         build_coasting_drive(
-            load_traces(blocks_in_sequence([one], config.service.restart_s), config, str(one.path)),
+            load_traces(
+                blocks_in_sequence([one], config.service.restart_s),
+                config,
+                str(one.path),
+                needed_roles(),
+                partly=True,
+            ),
             config,
         )
         for one in opened
     ]
     require_calibration_signals(drives, name_of(opened))
     return _calibrate(drives, config.vehicle, settings or CalibrationSettings())
+
+
+def needed_roles(reference: Trace | None = None) -> set[Role]:
+    """Roles without whose readings a recording is not one of the configured bus.
+
+    Efforts are not among them, because steady speeds can be used without.
+
+    Args:
+        reference: Vehicle speed of another recorder, where one is used.
+
+    """
+    return {Role.WHEEL_SPEED} | ({Role.VEHICLE_SPEED} if reference is None else set())
 
 
 def build_coasting_drive(

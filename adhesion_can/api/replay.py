@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
 from adhesion_can.arrays import Array
-from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.recording_fit import SeenIds, require_fit
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.export import Field
@@ -71,7 +71,7 @@ def replay(
 
     Raises:
         ConfigError: The roles do not suffice to estimate adhesion, or the estimator is unknown.
-        RecordingError: A recording cannot be read, or holds no known frame.
+        RecordingError: A recording cannot be read, or is not one of the configured bus.
 
     """
     settings = as_configuration(configuration, model)
@@ -82,14 +82,17 @@ def replay(
         times.append(t_us)
         rows.append(setpoint_row(outputs))
 
-    opened = as_recordings(recordings)
+    opened, seen = as_recordings(recordings), SeenIds()
+    where = name_of(opened)
     core = ServiceCore(settings, lambda: settings.make_estimator(estimator), add)
     blocks = in_seconds(
-        blocks_in_sequence(opened, settings.service.restart_s), settings.messages, name_of(opened)
+        blocks_in_sequence(opened, settings.service.restart_s), settings.messages, where
     )
-    summary = replay_blocks(blocks, core, lambda _: None, from_s=from_s, to_s=to_s)
-    require_frames_in_span(summary, from_s, name_of(opened))
-    require_accepted_frame(core.receiver, summary.frames, name_of(opened))
+    read = seen.watch(blocks)
+    summary = replay_blocks(read, core, lambda _: None, from_s=from_s, to_s=to_s)
+    require_frames_in_span(summary, from_s, where)
+    samples = core.counts.samples
+    require_fit(core.receiver, summary.frames, seen, settings, where, samples=samples)
     values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
     columns = {
         field.name: _texts(field, column) if field.text else column

@@ -10,6 +10,7 @@ import numpy as np
 
 from adhesion_can.api.calibration import (
     build_coasting_drive,
+    needed_roles,
     require_calibration_roles,
     require_calibration_signals,
 )
@@ -42,6 +43,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256, whole_file
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.physics.readings import Role
+from adhesion_can.plurals import counted
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
@@ -139,7 +141,11 @@ def run(options: argparse.Namespace) -> int:
     with reading("reading", recordings) as watched:
         for recording in recordings:
             blocks = watched(blocks_in_sequence([recording], config.service.restart_s))
-            loaded.append(load_traces(blocks, config, str(recording.path)))
+            loaded.append(
+                load_traces(
+                    blocks, config, str(recording.path), needed_roles(reference), partly=True
+                )
+            )
     drives = [build_coasting_drive(one, config, reference) for one in loaded]
     where = ", ".join(map(str, options.log))
     require_calibration_signals(drives, where, options.speed)
@@ -155,15 +161,10 @@ def run(options: argparse.Namespace) -> int:
     agreement = agreement_line(result)
     step = after_calibration(result, typed_words(options, options.log), rim)
     document = {**result.to_dict(rim), **agreement_dict(result), "agreement": agreement}
-    document |= {"notes": notes, "problems": problems, "next": step.line, **origin}
-    write_json(options.json, document)
-    if options.out is not None:
-        text = with_correction(
-            config, options.config, options.out, _correction(result, config, options, inputs)
-        )
-        with whole_file(options.out) as file:
-            file.write(text)
-    lines = [] if options.out is None else [f"written: {options.out}"]
+    written = None if options.out is None else str(options.out)
+    document |= {"written": written, "notes": notes, "problems": problems}
+    write_json(options.json, {**document, "next": step.line, **origin})
+    lines = [_write_configuration(options, config, _correction(result, config, options, inputs))]
     if is_asked_for(options):
         said = page_provenance(origin, options)
         names = [recording.path.name for recording in recordings]
@@ -271,6 +272,22 @@ def _notes_on_source(
             "radius."
         )
     return notes
+
+
+def _write_configuration(
+    options: argparse.Namespace, config: Configuration, correction: Correction
+) -> str:
+    """Write the file of --out; says whether and where that was done, and what in it is new."""
+    if options.out is None:
+        return "No configuration was written: --out CONFIG.toml writes one with these values."
+    text = with_correction(config, options.config, options.out, correction)
+    with whole_file(options.out) as file:
+        file.write(text)
+    what = "factors" if set(correction.radius_ratio) <= set(rim_axles(config)) else "radii"
+    changed = [f"{what} of {counted(len(correction.radius_ratio), 'axle')}"]
+    if correction.offset is not None:
+        changed.append("offset of the vehicle speed")
+    return f"written: {options.out}, the configuration with the {' and the '.join(changed)}"
 
 
 def _correction(

@@ -29,7 +29,7 @@ from adhesion_can.cli.reports import (
 from adhesion_can.config import Configuration
 from adhesion_can.offline.check import CheckResult, check
 from adhesion_can.offline.check_table import TableCheck, check_table
-from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.recording_fit import SeenIds, require_accepted
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.recordings.problems import describe_problems, describe_remarks, distinct_names
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
@@ -77,8 +77,10 @@ def run(options: argparse.Namespace) -> int:
     where = ", ".join(map(str, options.log))
     with reading("checking", recordings) as watched:
         blocks = watched(blocks_in_sequence(recordings, config.service.restart_s))
-        result = check(in_seconds(blocks, config.messages, where), config)
-    require_known_id(result, options)
+        seen = SeenIds()
+        result = check(seen.watch(in_seconds(blocks, config.messages, where)), config)
+    if not any(record.frames for record in result.receiver.records):
+        require_accepted(result.receiver, result.frames, seen, config, where)
     result.failures.extend(describe_problems(recordings, with_remarks=False))
     result.warnings.extend(describe_remarks(recordings))
     names = distinct_names(options.log)
@@ -131,12 +133,6 @@ def _print_table(result: TableCheck) -> None:
     _print_sentences(result)
 
 
-def require_known_id(result: CheckResult, options: argparse.Namespace) -> None:
-    """Raise a RecordingError where no frame has a known id; a faulty recording is a verdict."""
-    if not any(record.frames for record in result.receiver.records):
-        require_accepted_frame(result.receiver, result.frames, ", ".join(map(str, options.log)))
-
-
 def _print(result: CheckResult) -> None:
     out = console()
     out.print(
@@ -144,13 +140,19 @@ def _print(result: CheckResult) -> None:
         f"{result.unknown} with other ids; {len(result.samples)} samples"
     )
     out.print(table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records)))
+    if result.misfit is None or not result.misfit.of_other_bus:
+        _print_signals(result)
+    _print_sentences(result)
+
+
+def _print_signals(result: CheckResult) -> None:
+    out = console()
     out.print(table("Signals", SIGNAL_COLUMNS, signal_rows(result)))
     if result.noise:
         noise = [noise_row(compared) for compared in result.noise]
         out.print(table("Noise, standard deviation", NOISE_COLUMNS, noise))
         out.print(NOISE_NOTE)
         out.print()
-    _print_sentences(result)
 
 
 def _print_sentences(result: Checked) -> None:

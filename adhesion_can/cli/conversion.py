@@ -13,7 +13,12 @@ from adhesion_can.bus.decoder import Decoder, MessageColumns
 from adhesion_can.bus.j1939 import parameter_group, unmarked_sentence
 from adhesion_can.cli.signal_filter import SignalFilter
 from adhesion_can.errors import RecordingError
-from adhesion_can.recordings.problems import describe_problems, distinct_names, no_frame_error
+from adhesion_can.recordings.problems import (
+    LEAST_ACCEPTED,
+    describe_problems,
+    distinct_names,
+    no_frame_error,
+)
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.reporting.export import Rows, Writer
 from adhesion_can.reporting.export.messages import MessageRows, id_text
@@ -97,9 +102,11 @@ class Conversion:
         return block.select(block.channel == place)
 
     def require_decoded(self, recordings: Sequence[Recording]) -> None:
-        """Raise a RecordingError where no frame at all of the recordings was decoded."""
+        """Raise a RecordingError where hardly any known frame of the recordings was decoded."""
         report = self._decoder.report
-        if any(count.decoded for count in report.counts.values()):
+        decoded = sum(count.decoded for count in report.counts.values())
+        frames = sum(count.frames for count in report.counts.values())
+        if decoded > LEAST_ACCEPTED * frames:
             return
         known = ", ".join(sorted(_id(message) for message in self._database.db.messages)[:_SHOWN])
         database = f"{self._database.path.name} has {len(self._database.db.messages)}: {known}"
@@ -107,8 +114,9 @@ class Conversion:
             reasons: Counter[str] = Counter()
             for count in report.counts.values():
                 reasons.update(count.rejected)
-            what = f"every known frame is rejected ({counts_text(reasons)}); {database}"
-            fix = "check that the database belongs to this bus and has the right version"
+            which = f"{frames - decoded} of {frames} frames of known ids are rejected"
+            what = f"{which} ({counts_text(reasons)}); {self._unknown_ids()}{database}"
+            fix = "name the database of this bus, in the right version, with --dbc"
         elif self._other_channels and not report.frames:
             what = (
                 f"no frame of channel {self._channel}; it has {counts_text(self._other_channels)}"
@@ -123,10 +131,14 @@ class Conversion:
         elif not report.unknown:
             raise no_frame_error(recordings, "it has no data frames")
         else:
-            ids = {id_text(*key): count for key, count in report.unknown.items()}
-            what = f"no frame of a known id; it has {counts_text(ids)}; {database}"
+            what = f"no frame of a known id; {self._unknown_ids()}{database}"
             fix = self._sender_hint() or "name the database of this bus with --dbc"
         raise RecordingError(", ".join(str(one.path) for one in recordings), what, fix)
+
+    def _unknown_ids(self) -> str:
+        """Clause on the ids that the database does not have; '' where there are none."""
+        ids = {id_text(*key): count for key, count in self._decoder.report.unknown.items()}
+        return f"it has {counts_text(ids)}; " if ids else ""
 
     def _sender_hint(self) -> str | None:
         """Sentence about a message that another sender sends; None where no group is known."""

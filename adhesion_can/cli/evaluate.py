@@ -25,6 +25,7 @@ from adhesion_can.cli.reports import (
     require_report,
     write_report,
 )
+from adhesion_can.diagnosis.model_worth import judge_model
 from adhesion_can.plurals import counted
 from adhesion_can.reporting.evaluation import page, render_evaluation
 from adhesion_can.reporting.next_steps.after_recording import after_evaluation
@@ -67,7 +68,8 @@ def run(options: argparse.Namespace) -> int:
     origin = provenance(config, options.inputs)
     is_table = any(one.drive.table for one in loaded)
     step = after_evaluation(found, typed_words(options, options.inputs, tables=is_table))
-    write_json(options.json, {**found.to_dict(), "problems": problems, "next": step.line, **origin})
+    document = {**found.to_dict(), "worth": judge_model(found.total.refitted).value}
+    write_json(options.json, {**document, "problems": problems, "next": step.line, **origin})
     lines = []
     if is_asked_for(options):
         entries = page_provenance(origin, options)

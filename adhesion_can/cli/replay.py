@@ -38,8 +38,8 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
-from adhesion_can.offline.extract_samples import require_accepted_frame
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
+from adhesion_can.offline.recording_fit import SeenIds, require_accepted, require_fit
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
     with ExitStack() as stack:
         write_row = _row_writer(stack, options.table, texts(origin))
         frames = stack.enter_context(whole_file(options.frames)) if options.frames else None
-        channel = _Channel()
+        channel, seen = _Channel(), SeenIds()
 
         slip_max = config.estimators.identifiability.slip_max
         recorder = DriveRecorder(slip_max) if is_asked_for(options) else NoRecorder()
@@ -143,13 +143,8 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         span = {"from_s": options.from_s, "to_s": options.to_s}
         on_readings = recorder.add_readings if isinstance(recorder, DriveRecorder) else None
         core = ServiceCore(config, make, on_setpoint, on_samples, on_readings)
-        blocks = channel.watch(
-            in_seconds(
-                watched(blocks_in_sequence(recordings, config.service.restart_s)),
-                config.messages,
-                where,
-            )
-        )
+        read = watched(blocks_in_sequence(recordings, config.service.restart_s))
+        blocks = channel.watch(seen.watch(in_seconds(read, config.messages, where)))
         if options.realtime:
             items = chain.from_iterable(block.items() for block in blocks)
             summary = replay(items, core, send, **span, realtime=True)
@@ -158,13 +153,20 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
         require_frames_in_span(summary, options.from_s, where)
-        require_accepted_frame(core.receiver, summary.frames, where)
+        require_accepted(core.receiver, summary.frames, seen, config, where)
+    # The setpoints that were due stay written, though none of them has a value.
+    samples = core.counts.samples
+    require_fit(core.receiver, summary.frames, seen, config, where, samples=samples)
     problems = describe_problems(recordings)
     misfit = collector.compute()
     document = _document(summary, core, setpoints, problems)
     document["fit"] = None if misfit is None else misfit.as_json()
     step = after_replay(
-        core.estimate, setpoints.doubts, setpoints.objections, typed_words(options, options.log)
+        core.estimate,
+        setpoints.doubts,
+        setpoints.objections,
+        typed_words(options, options.log),
+        None if samples else core.dropped_samples,
     )
     write_json(options.json, {**document, "next": step.line, **origin})
     fit = _describe_fit(misfit, config)

@@ -14,13 +14,14 @@ from adhesion_can.calibration.fit import calibrate
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_radii import with_radii
 from adhesion_can.diagnosis.result import InputFile
+from adhesion_can.errors import RecordingError
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.fleet.calibrated_radii import SETTINGS, choose_radii
 from adhesion_can.fleet.rows import Row, SetpointStatistics, calibration_fields, check_fields
 from adhesion_can.offline.check import CheckResult, check_scan
 from adhesion_can.offline.check_table import check_table
-from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.recording_fit import find_misfit, require_accepted
 from adhesion_can.offline.scan import Scan, scan
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.readings import Role
@@ -82,7 +83,12 @@ class RecordingUnit:
         self._contents: Scan = scan(self._blocks(recording), config)
         self._problems = describe_problems([recording], names=[file.name])
         extractor = self._contents.extractor
-        require_accepted_frame(extractor.receiver, extractor.counts["frames"], file.name)
+        received = extractor.receiver, extractor.counts["frames"], extractor.seen
+        require_accepted(*received, config, file.name)
+        receiver, _, seen = received
+        misfit = find_misfit(receiver, seen, config, samples=len(self._contents.samples))
+        if misfit is not None and misfit.of_other_bus:
+            raise RecordingError(file.name, misfit.what, misfit.fix)
         self._checked: CheckResult | None = None
 
     def _blocks(self, recording: Recording) -> Iterator[Block]:

@@ -19,6 +19,7 @@ from adhesion_can.offline.extract_samples import Hole
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.offline.instrument_errors import propose_instruments
 from adhesion_can.offline.plausibility import inspect_samples
+from adhesion_can.offline.recording_fit import Misfit, find_misfit
 from adhesion_can.offline.scan import Scan, SignalRange, scan
 from adhesion_can.offline.train_mass import find_light_train
 from adhesion_can.offline.watch_samples import ObjectionSpan, watch_samples
@@ -60,6 +61,7 @@ class CheckResult:
         drive_signals: Readings and slips over time; None where they were not collected.
         fit: Batch fit of the samples; None where none is usable or adhesion cannot be computed.
         shows_peak: Whether a segment shows its peak.
+        misfit: What the recording lacks of the configured bus; None where nothing that is needed.
 
     """
 
@@ -82,6 +84,7 @@ class CheckResult:
     first_us: int = 0
     drive_signals: DriveSignals | None = None
     shows_peak: bool = False
+    misfit: Misfit | None = None
 
     @property
     def times(self) -> TimeScale:
@@ -184,6 +187,12 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
         first_us=extractor.first_us or 0,
         drive_signals=contents.drive_signals,
     )
+    receiver, seen = extractor.receiver, extractor.seen
+    misfit = result.misfit = find_misfit(receiver, seen, configuration, samples=len(samples))
+    if misfit is not None:
+        result.failures.append(f"{misfit.what}; {misfit.fix}")
+        if misfit.of_other_bus:
+            return result  # what else would be said follows from it
     restart_s = configuration.service.restart_s
     length_us = extractor.hole.length_us
     # Between the stretches of a clock that was set back is no hole: the reader tells of them.
@@ -203,11 +212,6 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     return result
 
 
-def _required(result: CheckResult) -> list[MessageRecord]:
-    """Records of the messages without which there is no adhesion."""
-    return [r for r in result.receiver.records if r.message.roles & REQUIRED]
-
-
 def _check_messages(result: CheckResult, hole: Hole | None, holes: int, times: TimeScale) -> None:
     """Rates, gaps and faults of each message.
 
@@ -219,12 +223,6 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int, times: T
         times: Scale of the times in the sentences.
 
     """
-    if len(result.samples) == 0 and not any(r.accepted for r in _required(result)):
-        names = ", ".join(r.message.plan.name for r in _required(result))
-        result.failures.append(
-            f"no frame of the required messages ({names}) is accepted: is this the database of the "
-            "recording? --config gives its configuration"
-        )
     if hole is not None:
         result.failures.append(
             f"no frames for {hole.length_us / 1e6:.0f} s, from "
@@ -235,6 +233,8 @@ def _check_messages(result: CheckResult, hole: Hole | None, holes: int, times: T
         name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
         if not record.frames:
             required = record.message.roles & REQUIRED
+            if required and result.misfit is not None:
+                continue  # it has named it
             sentences = result.failures if required else result.limits
             wrong = record.wrong_channel or ("no frames in the recording",)
             sentences.append(f"{name}: {'; '.join(wrong)}")
@@ -356,6 +356,8 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
             result.findings.append("slip ratios: wheel and vehicle speed are available")
         elif Role.WHEEL_SPEED in roles:
             result.findings.append("wheel speeds, compared with each other and with a reference")
+        return
+    if result.misfit is not None:
         return
     if not len(result.samples):
         reasons = ", ".join(f"{why} ({n})" for why, n in result.dropped.items()) or "no data"

@@ -12,10 +12,9 @@ from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.receiver_columns import ReceivedBlock
 from adhesion_can.config import Configuration
-from adhesion_can.errors import RecordingError
+from adhesion_can.offline.recording_fit import SeenIds, require_fit
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.samples import Samples
-from adhesion_can.recordings.problems import NO_FRAME_FIX
 from adhesion_can.sampling.column_former import Readings
 
 UPDATE_US = 20_000
@@ -52,6 +51,7 @@ class SampleExtractor:
         on_received: Callable[[NDArray[np.int64], ReceivedBlock], None] = lambda _, __: None,
     ) -> None:
         self.receiver = Receiver(configuration.messages)
+        self.seen = SeenIds()
         self.counts: Counter[str] = Counter()
         """Numbers of frames: 'frames' in all, 'unknown' ids, 'clamped' to the stamp before."""
         self.first_us: int | None = None
@@ -90,6 +90,7 @@ class SampleExtractor:
         if self.first_us is None:
             self.first_us = self.last_us = int(recorded_us[0])
         t_us, moved = clamped(recorded_us, self.last_us)
+        self.seen.add(frames)
         self.counts["frames"] += len(frames)
         self.counts["clamped"] += int(moved.sum())
         received = self.receiver.accept_block(frames, t_us)
@@ -148,46 +149,12 @@ def extract_samples(
 
     Raises:
         ConfigError: The configured roles do not suffice to compute adhesion.
-        RecordingError: No frame of a known id was accepted.
+        RecordingError: The recording is not one of the configured bus.
 
     """
     configuration.require_identification()
     extractor = SampleExtractor(configuration)
     samples = extractor.run(in_seconds(blocks, configuration.messages, where))
-    require_accepted_frame(extractor.receiver, extractor.counts["frames"], where)
-    return samples, extractor.receiver
-
-
-def require_accepted_frame(receiver: Receiver, frames: int, where: str) -> None:
-    """Raise a RecordingError where not one frame was accepted."""
-    if any(record.accepted for record in receiver.records):
-        return
-    if receiver.rejected:
-        reasons = sum(
-            (record.rejected for record in receiver.records),
-            start=type(receiver.records[0].rejected)(),
-        )
-        counts = ", ".join(f"{count} by {reason}" for reason, count in reasons.items())
-        raise RecordingError(
-            where,
-            f"every frame of a known id was rejected ({counts})",
-            "check database and protection; 'adhesion-can check' shows more",
-        )
-    if not frames:
-        raise RecordingError(where, "it has no frames", NO_FRAME_FIX)
-    if receiver.unmarked:
-        what, _, fix = receiver.unmarked[0].partition("; ")
-        raise RecordingError(where, f"no frame of a known id; {what}", fix)
-    for record in receiver.records:
-        if record.wrong_channel is not None:
-            what, fix = record.wrong_channel
-            name = f"{record.message.plan.name} ({record.message.plan.frame_id:#x})"
-            raise RecordingError(where, f"{name}: {what}", fix)
-    names = ", ".join(
-        f"{r.message.plan.name} {r.message.plan.frame_id:#x}" for r in receiver.records[:3]
-    )
-    raise RecordingError(
-        where,
-        f"none of its {frames} frames has a configured id ({names}, ..)",
-        "pass your database with --dbc, or your roles with --config",
-    )
+    receiver, frames = extractor.receiver, extractor.counts["frames"]
+    require_fit(receiver, frames, extractor.seen, configuration, where, samples=len(samples))
+    return samples, receiver

@@ -1,6 +1,6 @@
 """Traces of a recording: the readings of each signal over its whole time, without samples."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,9 +10,9 @@ from adhesion_can.arrays import Array
 from adhesion_can.bus.block import Block, Kind, clamped
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.config import Configuration
-from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.recording_fit import SeenIds, require_fit
 from adhesion_can.offline.stamps import in_seconds
-from adhesion_can.physics.readings import Role, SpeedSource
+from adhesion_can.physics.readings import REQUIRED, Role, SpeedSource
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.traces import Trace
 
@@ -78,28 +78,39 @@ class LoadedTraces:
         return {key: self.trace(*key) for key in self.columns}
 
 
-def load_traces(blocks: Iterable[Block], config: Configuration, where: str) -> LoadedTraces:
+def load_traces(
+    blocks: Iterable[Block],
+    config: Configuration,
+    where: str,
+    needed: Collection[Role] = REQUIRED,
+    *,
+    partly: bool = False,
+) -> LoadedTraces:
     """Load the readings of all accepted frames.
 
     Args:
         blocks: Frames of the recording; marks are ignored.
         config: Messages and roles to receive.
         where: Name of the recording, for errors.
+        needed: Roles without whose readings the recording is not one of the configured bus.
+        partly: Whether it may lack some of them, unless it is of another bus.
 
     Raises:
-        RecordingError: No frame of a known id was accepted.
+        RecordingError: The recording is not one of the configured bus.
 
     """
     receiver, loaded, frames, now_us = Receiver(config.messages), LoadedTraces(), 0, 0
+    seen = SeenIds()
     for block in in_seconds(blocks, config.messages, where):
         own = block.select(block.kind <= Kind.ERROR)
         if not len(own):
             continue
+        seen.add(own)
         t_us, moved = clamped(own.t_us, now_us)
         loaded.backwards += int(moved.sum())
         frames, now_us = frames + len(own), int(t_us[-1])
         loaded.add(receiver.accept_block(own, t_us).readings)
     loaded.rejected = receiver.rejected
     loaded.stuck = receiver.stuck_sentences
-    require_accepted_frame(receiver, frames, where)
+    require_fit(receiver, frames, seen, config, where, needed=needed, partly=partly)
     return loaded

@@ -11,6 +11,10 @@ from adhesion_can.recordings.recording import Recording
 NO_FRAME_FIX = "is it a recording of a bus, as 'candump -L' makes one?"
 """What to look at where a file has not one frame."""
 
+LEAST_ACCEPTED = 0.1
+"""Share of a message's frames that pass their checks where the database is that of the bus: with
+ids of another bus, one in 256 has the right checksum by chance."""
+
 
 def distinct_names(paths: Sequence[Path]) -> list[str]:
     """Names of files for sentences: without the folder where the names differ without it."""

@@ -5,6 +5,7 @@ from math import isfinite
 
 from adhesion_can.diagnosis.evaluate import Evaluation, PartEvaluation
 from adhesion_can.diagnosis.formatting import short
+from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
 from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.reporting.charts import BLUE, GREY, ORANGE
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
@@ -29,25 +30,20 @@ def render_evaluation(found: Evaluation) -> Iterator[str | FittingTable]:
 
 
 def verdict(found: Evaluation) -> str:
-    """What the model is worth on all data together, one sentence."""
+    """What was compared, the gain, and what it is worth on all data together."""
     total = found.total
     written, refitted = total.as_written, total.refitted
+    worth = judge_model(refitted)
     text = (
-        f"The RMSE of the model as written is {short(written.rmse)}, {_change(written)} the "
-        f"plain curve's {short(total.plain)}; with its curve refitted it is "
-        f"{short(refitted.rmse)}, {_change(refitted)}."
+        f"The model's effects with the curve refitted to these data have an RMSE of "
+        f"{short(refitted.rmse)}, the plain curve {short(total.plain)}: gain "
+        f"{describe_gain(refitted)}, {worth.clause}. As written, without refitting, the model has "
+        f"{short(written.rmse)}: gain {describe_gain(written)}."
     )
-    if _is_sure(refitted) and written.rmse > total.plain:
+    if worth is ModelWorth.USEFUL and written.rmse > total.plain:
         return (
             f"{text} Its effects apply here, but its curve does not: the surface or the wheel "
             "differs."
-        )
-    if refitted.interval[1] < 0.0:
-        return f"{text} Its effects make the prediction worse here: the whole interval is below 0."
-    if not _is_sure(refitted):
-        return (
-            f"{text} With the curve refitted, the interval of the gain includes 0: whether its "
-            "effects help here is not certain."
         )
     return text
 
@@ -125,12 +121,3 @@ def _gain(one: Comparison) -> str:
     low, high = one.interval
     text = f"{one.percent:.1f} %"
     return f"{text} ({low:.1f} to {high:.1f})" if isfinite(low) else text
-
-
-def _change(one: Comparison) -> str:
-    way = "below" if one.percent >= 0.0 else "above"
-    return f"{abs(one.percent):.1f} % {way}"
-
-
-def _is_sure(one: Comparison) -> bool:
-    return one.percent > 0.0 and not one.interval[0] <= 0.0

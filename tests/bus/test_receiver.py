@@ -19,8 +19,9 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
 from adhesion_can.bus.roles import SignalChoice, bind, cycles_by_role, packaged_choices
+from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError, RecordingError
-from adhesion_can.offline.extract_samples import require_accepted_frame
+from adhesion_can.offline.recording_fit import SeenIds, require_accepted
 from adhesion_can.physics.readings import Reading, Role
 from tests.bus.bus_helpers import payload_of, sealed
 
@@ -386,7 +387,7 @@ def test_frames_on_another_channel_than_the_role_has_are_reported_by_both(in_blo
     with pytest.raises(
         RecordingError, match=r'has channel = "can1", .* are on can0, can2; write the channel'
     ):
-        require_accepted_frame(subject, 2, "a.log")
+        require_accepted(subject, 2, SeenIds(), load_configuration(None), "a.log")
 
 
 def test_the_same_message_on_two_channels_is_two_messages_with_two_counters():

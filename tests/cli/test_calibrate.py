@@ -486,7 +486,7 @@ def test_bad_inputs_are_one_line_each(car, tmp_path, capsys):
     table = tmp_path / "t.csv"
     table.write_text("time_s,slip,adhesion\n0,0.1,0.2\n")
     assert "not a recording" in fails(capsys, table)
-    assert "none of its" in fails(capsys, log)
+    assert "does not fit adhesion.dbc" in fails(capsys, log)
     assert "its folder does not exist" in fails(capsys, log, "--out", tmp_path / "no" / "x.toml")
     assert "--block" in fails(capsys, log, "--block", "nan")
     assert "--delay" in fails(capsys, log, "--delay", "inf")
@@ -556,3 +556,17 @@ def test_a_car_on_the_road_agrees_with_its_data_sheet(realdata, tmp_path, capsys
         assert 0.01 < std < 0.15
     assert result["offset_mps"]["value"] is None, "60 s near one speed do not tell it"
     assert "cannot be detected" in capsys.readouterr().out
+
+
+def test_it_says_whether_and_where_it_wrote_the_configuration(worn, tmp_path, capsys):
+    out, result = tmp_path / "out.toml", tmp_path / "result.json"
+    capsys.readouterr()
+    assert main(["calibrate", str(worn), "--json", str(result)]) == 0
+    said = capsys.readouterr().out
+    assert said.count("No configuration was written: --out CONFIG.toml writes one") == 1
+    assert json.loads(result.read_text())["written"] is None
+    assert main(["calibrate", str(worn), "--out", str(out), "--json", str(result)]) == 0
+    said = capsys.readouterr().out
+    assert said.count(f"written: {out}, the configuration with the radii of 6 axles") == 1
+    assert "No configuration was written" not in said
+    assert json.loads(result.read_text())["written"] == str(out)

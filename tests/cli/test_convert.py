@@ -347,8 +347,8 @@ def test_what_was_written_before_stays_where_nothing_is_decoded(log, tmp_path, c
     [
         ("", (), "it has no data frames"),
         ("garbage\n", (), "it has no data frames; a.log: lines skipped: 1 malformed"),
-        (line(1, 0x101, bytes(8)), (), "every known frame is rejected (checksum: 1)"),
-        (line(1, 0x101, bytes(3)), (), "every known frame is rejected (length: 1)"),
+        (line(1, 0x101, bytes(8)), (), "1 of 1 frames of known ids are rejected (checksum: 1)"),
+        (line(1, 0x101, bytes(3)), (), "1 of 1 frames of known ids are rejected (length: 1)"),
         (
             line(1, 0x101, speeds(0)),
             ("--signals", "VehicleSpeed"),

@@ -85,7 +85,7 @@ def test_effects_that_are_not_there_do_not_gain(named, capsys):
     _, found = evaluated(folder, still, "--model", folder / "m.toml")
     assert found["total"]["refitted"]["percent"] < 0.0
     assert found["total"]["refitted"]["interval"][1] < 0.0
-    assert "Its effects make the prediction worse here" in capsys.readouterr().out
+    assert "a loss: the whole interval is below 0" in capsys.readouterr().out
 
 
 def test_a_table_has_no_efforts_of_all_axles_for_a_load_transfer(named, tmp_path, capsys):

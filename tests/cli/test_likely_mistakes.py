@@ -86,7 +86,7 @@ REFUSED = {
     "replay drive.log --from 100": "ends 3.000 s after its first frame, before --from 100",
     "replay drive.log --dbc drive.log": "not a CAN database, judging by its name; give a .dbc",
     "replay drive.log --config rpm.dbc": "a CAN database, judging by its name, not a config",
-    "check drive.log --dbc other_ids.dbc": "has a configured id (WheelSpeeds1 0x4e9",
+    "check drive.log --dbc other_ids.dbc": "5 of 5 needed messages are missing (WheelSpeeds1 0x4E9",
     "replay ms.log": "its stamps seem to be in ms (WheelSpeeds1 arrives every 10000 ms",
     "identify us.log": "its stamps seem to be in us",
     "check us.log": "its stamps seem to be in us",

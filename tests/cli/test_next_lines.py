@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
         ("check", "The data are "),
         ("identify", ""),
         ("replay", "The service doubts its curve: axles differ."),
-        ("evaluate", "The model's effects hold on these data."),
+        ("evaluate", "The model's effects are of practical use on these data: gain "),
     ],
 )
 def test_the_last_line_says_what_to_do(folder, capsys, command, finding):

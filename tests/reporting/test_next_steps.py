@@ -1,6 +1,9 @@
 """The line with which a command ends: a finding in the user's quantities, and what can be typed."""
 
+import re
+import shlex
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,6 +11,7 @@ import pytest
 
 from adhesion_can.api.configuration import load_configuration
 from adhesion_can.calibration.fit import AxleRadius, Quantity
+from adhesion_can.cli.main import build_parser
 from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
 from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.physics.doubt import Doubt
@@ -46,6 +50,17 @@ def line(found, typed=LOG):
     return after_diagnosis(found, typed, CONFIGURATION).line
 
 
+def entry(role, signal, key):
+    """An entry of [roles] as TOML."""
+    return f'"{role}" = {{ signal = "{signal}", {key} }}'
+
+
+def effort(axle, key):
+    message = f"TractiveEffort{1 if axle <= 3 else 2}"
+    return entry(f"tractive_effort.{axle}", f"{message}.TractiveEffort_Ax{axle}", key)
+
+
+ROLES = " under [roles]"
 WHEEL = cause("wheel_radius", "", (-0.01, 2e-5), (3.0, None))
 
 
@@ -53,17 +68,18 @@ WHEEL = cause("wheel_radius", "", (-0.01, 2e-5), (3.0, None))
     ("one", "text", "setting"),
     [
         (WHEEL, "Axle 3's wheel is 1.00 % smaller than configured: 0.6188 m, not 0.6250.",
-         "wheel_radius_m = [0.6250, 0.6250, 0.6188, 0.6250, 0.6250, 0.6250]"),
+         "wheel_radius_m = [0.6250, 0.6250, 0.6188, 0.6250, 0.6250, 0.6250] under [vehicle]"),
         (cause("speed_scale", "", (0.02, 1e-4)), "The vehicle speed reads 2.00 % high.",
-         "factor = 0.98039 at vehicle_speed"),
+         entry("vehicle_speed", "VehicleSpeed.VehicleSpeed", "factor = 0.98039") + ROLES),
         (cause("effort_bias", "", (-1500.0, 90.0)),
          "The tractive effort of each axle reads 1500 N low.",
-         "offset = -1500 at each tractive_effort"),
+         " and ".join(effort(axle, "offset = -1500") for axle in range(1, 7)) + ROLES),
         (cause("effort_gain", "axle", (0.05, 0.004), (2.0, None)),
          "The tractive effort of axle 2 reads 5.0 % high.",
-         "factor = 0.95238 at tractive_effort.2"),
+         effort(2, "factor = 0.95238") + ROLES),
         (cause("wheelset_inertia", "", (400.0, 20.0)),
-         "The wheelset's inertia is 600 kg·m², not 200.", "wheelset_inertia_kgm2 = 600"),
+         "The wheelset's inertia is 600 kg·m², not 200.",
+         "wheelset_inertia_kgm2 = 600 under [vehicle]"),
         (cause("effort_delay", "", (-0.028, 0.0003)), "The tractive effort comes 28 ms early.", ""),
         (cause("slow_drift", "", (-0.0005, 1e-5)),
          "Every minute there is 3.00 % less adhesion.", ""),
@@ -73,7 +89,8 @@ WHEEL = cause("wheel_radius", "", (-0.01, 2e-5), (3.0, None))
     ],
 )  # fmt: skip
 def test_a_cause_is_in_the_users_quantities(one, text, setting):
-    assert describe_cause(one, CONFIGURATION, alone=True, tables=False) == (text, setting)
+    meaning = describe_cause(one, CONFIGURATION, alone=True, tables=False)
+    assert (meaning.text, meaning.setting) == (text, setting)
 
 
 @pytest.mark.parametrize("effect", known_effects(), ids=lambda one: f"{one.id} {one.form}")
@@ -93,12 +110,78 @@ def test_a_size_at_its_bound_is_not_stated_as_known():
     assert not meaning.setting
 
 
+OWN_KEYS = {
+    "channel": "can1",
+    "sign": -1,
+    "protection": "e2e-p01",
+    "data_id": 7,
+    "cycle_us": 20_000,
+    "not_available": False,
+    "stuck_check": False,
+}
+"""Keys that the user's entry may have, and that the new one must keep."""
+
+
+@pytest.mark.parametrize(
+    ("one", "axle", "reads", "true"),
+    [
+        (cause("speed_scale", "", (0.25, 1e-4)), 0, 10.0, 8.0),
+        (cause("effort_gain", "axle", (0.25, 0.004), (2.0, None)), 2, 1000.0, 800.0),
+        (cause("effort_gain", "all", (0.25, 0.004)), 5, 1000.0, 800.0),
+        (cause("effort_bias", "", (200.0, 90.0)), 3, 1000.0, 800.0),
+    ],
+)
+def test_the_entries_of_roles_can_be_loaded_and_correct_what_reads_high(
+    tmp_path, one, axle, reads, true
+):
+    """Each reading holds a factor and an offset of its own, which stay in force."""
+    own = tuple(
+        replace(choice, factor=0.5, offset=100.0, **OWN_KEYS) if choice.axle == axle else choice
+        for choice in CONFIGURATION.choices
+    )
+    known = replace(CONFIGURATION, choices=own)
+    setting = describe_cause(one, known, alone=True, tables=False).setting
+    entries, _, section = setting.partition(" under ")
+    path = tmp_path / "own.toml"
+    path.write_text("\n".join([section, *entries.split(" and "), ""]))
+    (choice,) = [c for c in load_configuration(path).choices if c.axle == axle]
+    assert {key: getattr(choice, key) for key in OWN_KEYS} == OWN_KEYS
+    raw = (reads + 100.0) / 0.5
+    assert raw * choice.used_factor - choice.offset == pytest.approx(true, rel=1e-4)
+
+
+def test_a_role_is_corrected_only_in_a_file_that_has_all_roles():
+    """One role in a file replaces all the defaults."""
+    speed = of(cause("speed_scale", "", (0.02, 1e-4)))
+    assert "--extended model.toml --config tram.toml, then adhesion-can replay" in line(speed)
+    owned = replace(CONFIGURATION, choices=CONFIGURATION.choices[:-1])
+    said = after_diagnosis(speed, LOG, owned).line
+    assert 'Next: write "vehicle_speed" = { signal = ' in said
+    assert "under [roles] in the configuration, then adhesion-can diagnose" in said
+
+
+def test_a_delay_has_no_key_and_is_corrected_by_the_model():
+    said = line(of(DELAY))
+    assert said.endswith(
+        "adhesion-can diagnose 'drive one.log' --extended model.toml --config tram.toml, then "
+        "adhesion-can replay 'drive one.log' --model model.toml --config tram.toml (no key of the "
+        "configuration corrects a delay)"
+    )
+
+
+def test_the_commands_of_a_plan_can_be_typed():
+    said = line(replace(of(RIVALLED), next_drive=PLANNED))
+    for typed in re.findall("adhesion-can ((?:control|simulate|diagnose) [^(),]*)", said):
+        build_parser().parse_args(shlex.split(typed.replace("INTERFACE", "virtual")))
+    assert "simulate --scenario sweep --closed-loop --plan plan.toml --log NEW.log" in said
+
+
 def test_a_wheel_is_calibrated_or_written():
     assert line(of(WHEEL)) == (
         "Axle 3's wheel is 1.00 % smaller than configured: 0.6188 m, not 0.6250. Next: "
         "adhesion-can calibrate 'drive one.log' --out calibrated.toml --config tram.toml, or "
-        "write wheel_radius_m = [0.6250, 0.6250, 0.6188, 0.6250, 0.6250, 0.6250] in the "
-        "configuration"
+        "write wheel_radius_m = [0.6250, 0.6250, 0.6188, 0.6250, 0.6250, 0.6250] under "
+        "[vehicle] in the configuration"
     )
     # To a table belongs no vehicle that could be corrected.
     assert "calibrate" not in line(of(WHEEL), TABLE)
@@ -201,15 +284,18 @@ def test_what_follows_a_replay(doubts, objections, last, wanted):
 
 
 @pytest.mark.parametrize(
-    ("percent", "interval", "said"),
+    ("percent", "interval", "finding", "action"),
     [
-        (12.0, (8.0, 15.0), "The model's effects hold on these data. Next: adhesion-can replay"),
-        (0.1, (0.05, 0.15), "hardly act on these data: gain 0.1 %. Next: record a drive in which"),
-        (3.0, (-1.0, 6.0), "have no certain gain on these data. Next: adhesion-can diagnose"),
-        (-9.0, (-12.0, -3.0), "make the prediction worse on these data. Next: adhesion-can"),
+        (12.0, (8.0, 15.0), "are of practical use on these data: gain 12.0 %", "replay"),
+        (0.1, (0.05, 0.15), "hardly act on these data: gain 0.10 %", "record a drive in which"),
+        (3.0, (-1.0, 6.0), "It is not certain that the model's effects help", "diagnose"),
+        (-9.0, (-12.0, -3.0), "make the prediction worse on these data: gain -9.0 %", "diagnose"),
+        (3.0, (-inf, inf), "It is not known whether the model's effects help", "record a longer"),
     ],
 )
-def test_a_model_holds_only_where_its_effects_act(percent, interval, said):
+def test_what_follows_an_evaluation_is_what_the_gain_is_worth(percent, interval, finding, action):
     gain = SimpleNamespace(percent=percent, interval=interval)
     found = SimpleNamespace(total=SimpleNamespace(refitted=gain))
-    assert said in after_evaluation(found, LOG).line
+    step = after_evaluation(found, LOG)
+    assert finding in step.finding
+    assert action in step.action

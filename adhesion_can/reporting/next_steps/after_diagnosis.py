@@ -1,5 +1,8 @@
 """What to do after a diagnosis."""
 
+from pathlib import Path
+
+from adhesion_can.bus.roles import packaged_choices
 from adhesion_can.config import Configuration
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.physics.channels import channel_label
@@ -29,7 +32,7 @@ def after_diagnosis(found: Diagnosis, typed: Typed, configuration: Configuration
         for cause in found.causes
     ]
     finding = " ".join([*(one.text for one in meanings), *_reservations(found)])
-    return NextStep(finding, _action(found, typed, meanings))
+    return NextStep(finding, _action(found, typed, meanings, configuration))
 
 
 def _new(typed: Typed) -> str:
@@ -72,31 +75,49 @@ def _unexplained(found: Diagnosis) -> str:
 # ------------------------------------------------------------------------------------ actions
 
 
-def _action(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
+def _action(
+    found: Diagnosis, typed: Typed, meanings: list[Meaning], configuration: Configuration
+) -> str:
     planned = found.next_drive
     if planned is not None and planned.plan is not None:
         plan = typed.outputs.get("--next-drive", PLAN)
         drive = typed.command("control", "--plan", plan, *LIVE)
         return (
-            f"drive the plan with {drive} (simulated: 'simulate --closed-loop --plan {plan}'), "
+            f"drive the plan with {drive} (simulated: {_simulated(plan, typed)}), "
             f"then {_together(typed)}"
         )
     if found.verdict is Verdict.UNEXPLAINED:
         return _after_unexplained(found, typed)
     if found.verdict is Verdict.NAMED:
-        return _after_named(found, typed, meanings)
+        return _after_named(found, typed, meanings, configuration)
     if found.conclusive:
         # The curve explains these data: nothing is left to look for.
         return typed.on_inputs("identify") if typed.tables else typed.command("run", *LIVE)
     return f"record a longer drive with more excitation, then {_together(typed)}"
 
 
-def _after_named(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
+def _after_named(
+    found: Diagnosis, typed: Typed, meanings: list[Meaning], configuration: Configuration
+) -> str:
     if any(cause.rivals for cause in found.causes):
         return _distinguish(found, typed)
-    if all(one.setting for one in meanings):
+    if all(one.setting for one in meanings) and not _lacks_roles(meanings, configuration):
         return _correct(found, typed, meanings)
-    return _use_model(typed)
+    use = _use_model(typed)
+    late = any(cause.effect.endswith("_delay") for cause in found.causes)
+    return f"{use} (no key of the configuration corrects a delay)" if late else use
+
+
+def _lacks_roles(meanings: list[Meaning], configuration: Configuration) -> bool:
+    """Whether a default role is to be corrected: one role in a file replaces all of them."""
+    is_default = set(configuration.choices) == set(packaged_choices())
+    return is_default and any(one.in_roles for one in meanings)
+
+
+def _simulated(plan: Path | str, typed: Typed) -> str:
+    """The same drive on the simulated locomotive."""
+    drive = ("--scenario", "sweep", "--closed-loop", "--plan", plan)
+    return typed.command("simulate", *drive, "--log", typed.new_file("NEW"))
 
 
 def _distinguish(found: Diagnosis, typed: Typed) -> str:
@@ -130,12 +151,13 @@ def _correct(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
 def _use_model(typed: Typed) -> str:
     """Write the extended model, confirm it on another drive, use it: the first not yet done."""
     model = typed.outputs.get("--extended")
+    name = "identify" if typed.tables else "replay"
     if model is None:
-        return typed.on_inputs("diagnose", "--extended", MODEL)
+        use = typed.on_inputs(name, "--model", Path(MODEL))
+        return f"{typed.on_inputs('diagnose', '--extended', MODEL)}, then {use}"
     if not typed.holdout:
         other = typed.new_file("OTHER")
         return f"confirm it on another drive: {typed.command('evaluate', other, '--model', model)}"
-    name = "identify" if typed.tables else "replay"
     return typed.on_inputs(name, "--model", model)
 
 

@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from adhesion_can.diagnosis.evaluate import Evaluation
+from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
 from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
+from adhesion_can.offline.recording_fit import Misfit
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import WORDINGS, Objection
@@ -14,8 +16,6 @@ from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 LASTS = 0.05
 """Share of the time from which an objection comes first: a step of all efforts is objected to until
 slip or vehicle speed answer it, and a rail that changes does that."""
-LEAST_GAIN = 0.5
-"""Gain of a model below which data hardly show its effects, %."""
 BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
 
 
@@ -28,6 +28,9 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
 
     """
     failures = [one for result in results for one in result.failures]
+    for misfit in (one.misfit for one in results if isinstance(one, CheckResult)):
+        if misfit is not None:
+            return _after_misfit(misfit, typed)
     if failures:
         which = "this fault" if len(failures) == 1 else f"these {len(failures)} faults"
         return NextStep(
@@ -79,6 +82,7 @@ def after_replay(
     doubts: Sequence[Doubt],
     objections: Mapping[Objection, float],
     typed: Typed,
+    dropped: Mapping[str, int] | None = None,
 ) -> NextStep:
     """What the service ended with, and what to do next.
 
@@ -87,6 +91,7 @@ def after_replay(
         doubts: What the service doubted, the most frequent first.
         objections: Share of the time of each objection, 0..1.
         typed: What the user typed.
+        dropped: Number of wheel speeds that gave no sample, by reason, where none gave one.
 
     """
     lasting = [one for one in WORDINGS if objections.get(one, 0.0) >= LASTS]
@@ -99,7 +104,9 @@ def after_replay(
         finding = f"The service doubts its curve: {DESCRIPTIONS[doubt]}."
         return NextStep(finding, typed.on_inputs("diagnose"))
     if last is None:
-        return NextStep("The service found no curve.", typed.on_inputs("check"))
+        reasons = ", ".join(f"{why} ({count})" for why, count in (dropped or {}).items())
+        why = f": no sample could be formed: {reasons}" if reasons else ""
+        return NextStep(f"The service found no curve{why}.", typed.on_inputs("check"))
     if not last.identifiable.both:
         return NextStep("The drive ends without an identifiable peak.", typed.on_inputs("identify"))
     model = () if typed.model is None else ("--model", typed.model)
@@ -117,23 +124,31 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
 
     """
     refitted = found.total.refitted
+    worth = judge_model(refitted)
+    finding = f"{worth.finding}: gain {describe_gain(refitted)}."
     model = () if typed.model is None else ("--model", typed.model)
-    if 0.0 < refitted.percent < LEAST_GAIN and refitted.interval[0] > 0.0:
-        again = typed.command("evaluate", typed.new_file("OTHER"), *model)
-        return NextStep(
-            f"The model's effects hardly act on these data: gain {refitted.percent:.1f} %.",
-            f"record a drive in which they act, then {again}",
-        )
-    if refitted.percent > 0.0 and refitted.interval[0] > 0.0:
-        name = "identify" if typed.tables else "replay"
-        return NextStep("The model's effects hold on these data.", typed.on_inputs(name, *model))
-    harm = refitted.interval[1] < 0.0
-    finding = (
-        "make the prediction worse on these data" if harm else "have no certain gain on these data"
-    )
+    again = typed.command("evaluate", typed.new_file("OTHER"), *model)
+    actions = {
+        ModelWorth.USEFUL: typed.on_inputs("identify" if typed.tables else "replay", *model),
+        ModelWorth.SMALL: f"record a drive in which they act, then {again}",
+        ModelWorth.UNKNOWN: f"record a longer drive, then {again}",
+    }
     return NextStep(
-        f"The model's effects {finding}.", typed.on_inputs("diagnose", "--extended", "NEW.toml")
+        finding, actions.get(worth) or typed.on_inputs("diagnose", "--extended", "NEW.toml")
     )
+
+
+def _after_misfit(misfit: Misfit, typed: Typed) -> NextStep:
+    finding = (
+        "The recording is of another bus than the configuration."
+        if misfit.of_other_bus
+        else "The recording lacks messages that are needed."
+    )
+    if misfit.of_other_bus and not typed.configuration:
+        again = typed.on_inputs("check", "--config", "F")
+        made = typed.command("init", "--dbc", "YOUR.dbc", "--out", "F")
+        return NextStep(finding, f"{again} (F: this vehicle's configuration; {made} writes it)")
+    return NextStep(finding, f"{misfit.fix}, then {typed.on_inputs('check')}")
 
 
 def _is_hidden(segment: Segment) -> bool:

@@ -1,6 +1,8 @@
 """Named causes in the quantities that a user knows: metres, newtons, milliseconds, percent."""
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import floor, isfinite, log10
 from typing import NamedTuple
 
@@ -13,6 +15,7 @@ from adhesion_can.physics.readings import Role
 
 MOST_DIGITS = 2
 """Decimals of a percentage, at most."""
+_VEHICLE, _ROLES = " under [vehicle]", " under [roles]"
 LOAD_STEP = 1.1
 """Ratio of two axle loads for which the change of the adhesion is stated."""
 
@@ -22,12 +25,15 @@ class Meaning(NamedTuple):
 
     Attributes:
         text: What is wrong, a sentence.
-        setting: Keys of the configuration that correct it, with their values; '' where none does.
+        setting: Keys of the configuration that correct it, as TOML with their section; '' where
+            none does.
+        in_roles: Whether they are keys of [roles].
 
     """
 
     text: str
     setting: str = ""
+    in_roles: bool = False
 
 
 Values = Mapping[str, ParameterValue]
@@ -66,54 +72,85 @@ def _wheel_radius(values: Values, configuration: Configuration) -> Meaning:
     if axle > len(radii):
         return Meaning(f"Axle {axle}'s wheel is {share}.")
     if axle in rim_axles(configuration):
-        choice = _choice(configuration, Role.WHEEL_SPEED, axle)
-        factor = (choice.used_factor if choice else 1.0) * (1.0 + error.value)
+        own = _choices(configuration, Role.WHEEL_SPEED, axle)
         text = f"Axle {axle}'s wheel is {share}: its sender uses the wrong radius."
-        return Meaning(text, f"factor = {factor:.5g} at wheel_speed.{axle}")
+        return Meaning(text, _scaled_keys(own, 1.0 + error.value), in_roles=True)
     before = radii[axle - 1]
     radii[axle - 1] = before * (1.0 + error.value)
     text = f"Axle {axle}'s wheel is {share}: {radii[axle - 1]:.4f} m, not {before:.4f}."
-    return Meaning(text, f"wheel_radius_m = [{', '.join(f'{r:.4f}' for r in radii)}]")
+    return Meaning(text, f"wheel_radius_m = [{', '.join(f'{r:.4f}' for r in radii)}]{_VEHICLE}")
 
 
 def _speed_scale(values: Values, configuration: Configuration) -> Meaning:
-    choice = _choice(configuration, Role.VEHICLE_SPEED, 0)
-    return _scaled("The vehicle speed", values["error"], choice, "vehicle_speed")
+    own = _choices(configuration, Role.VEHICLE_SPEED, 0)
+    return _scaled("The vehicle speed", values["error"], own)
 
 
 def _effort_gain_of_axle(values: Values, configuration: Configuration) -> Meaning:
     axle = round(values["axle"].value)
-    choice = _choice(configuration, Role.TRACTIVE_EFFORT, axle)
-    what = f"The tractive effort of axle {axle}"
-    return _scaled(what, values["gain"], choice, f"tractive_effort.{axle}")
+    own = _choices(configuration, Role.TRACTIVE_EFFORT, axle)
+    return _scaled(f"The tractive effort of axle {axle}", values["gain"], own)
 
 
 def _effort_gain_of_all(values: Values, configuration: Configuration) -> Meaning:
-    choice = _choice(configuration, Role.TRACTIVE_EFFORT, 1)
-    what = "The tractive effort of all axles"
-    return _scaled(what, values["gain"], choice, "each tractive_effort")
+    own = _choices(configuration, Role.TRACTIVE_EFFORT)
+    return _scaled("The tractive effort of all axles", values["gain"], own)
 
 
-def _scaled(what: str, error: ParameterValue, choice: SignalChoice | None, where: str) -> Meaning:
-    """A quantity that reads high or low by a share, and the factor of its role that corrects it."""
-    factor = (choice.used_factor if choice else 1.0) / (1.0 + error.value)
+def _scaled(what: str, error: ParameterValue, choices: Sequence[SignalChoice]) -> Meaning:
+    """A quantity that reads high or low by a share, and the keys of its roles that correct it."""
     text = f"{what} reads {_percent(error)} {_high(error)}."
-    return Meaning(text, f"factor = {factor:.5g} at {where}")
+    return Meaning(text, _scaled_keys(choices, 1.0 / (1.0 + error.value)), in_roles=True)
+
+
+def _scaled_keys(choices: Sequence[SignalChoice], ratio: float) -> str:
+    """Keys of roles whose readings are multiplied by a ratio; an offset is subtracted last."""
+    return _role_keys([
+        replace(one, factor=one.used_factor * ratio, offset=one.offset * ratio) for one in choices
+    ])  # fmt: skip
 
 
 def _effort_bias(values: Values, configuration: Configuration) -> Meaning:
     bias = values["bias"]
-    choice = _choice(configuration, Role.TRACTIVE_EFFORT, 1)
-    offset = (choice.offset if choice else 0.0) + bias.value
+    own = _choices(configuration, Role.TRACTIVE_EFFORT)
     text = f"The tractive effort of each axle reads {abs(bias.value):.0f} N {_high(bias)}."
-    return Meaning(text, f"offset = {offset:.0f} at each tractive_effort")
+    keys = _role_keys([replace(one, offset=one.offset + bias.value) for one in own])
+    return Meaning(text, keys, in_roles=True)
+
+
+def _role_keys(choices: Sequence[SignalChoice]) -> str:
+    """Entries of [roles] with their factors and offsets, as TOML; '' without any role."""
+    entries = [f'"{one.name}" = {{ {", ".join(_keys(one))} }}' for one in choices]
+    return f"{' and '.join(entries)}{_ROLES}" if entries else ""
+
+
+def _keys(one: SignalChoice) -> Iterator[str]:
+    """All keys of a role that are not the defaults: the entry takes the place of the user's."""
+    yield f'signal = "{one.message}.{one.signal}"'
+    texts = {"channel": one.channel, "unit": one.unit, "protection": one.protection}
+    for key, text in texts.items():
+        if text is not None:
+            yield f"{key} = {json.dumps(text, ensure_ascii=False)}"
+    if one.factor is not None:
+        yield f"factor = {one.factor:.5g}"
+    if one.sign != 1:
+        yield f"sign = {one.sign}"
+    if one.offset:
+        yield f"offset = {one.offset:.5g}"
+    if one.data_id is not None:
+        yield f"data_id = {one.data_id}"
+    if one.cycle_us is not None:
+        yield f"cycle_ms = {one.cycle_us / 1e3:g}"
+    for key, kept in (("not_available", one.not_available), ("stuck_check", one.stuck_check)):
+        if not kept:
+            yield f"{key} = false"
 
 
 def _wheelset_inertia(values: Values, configuration: Configuration) -> Meaning:
     before = configuration.vehicle.wheelset_inertia
     inertia = before + values["error"].value
     text = f"The wheelset's inertia is {inertia:.0f} kg·m², not {before:.0f}."
-    return Meaning(text, f"wheelset_inertia_kgm2 = {inertia:.0f}")
+    return Meaning(text, f"wheelset_inertia_kgm2 = {inertia:.0f}{_VEHICLE}")
 
 
 def _delay(what: str) -> Describe:
@@ -192,9 +229,12 @@ def _high(value: ParameterValue) -> str:
     return "low" if value.value < 0 else "high"
 
 
-def _choice(configuration: Configuration, role: Role, axle: int) -> SignalChoice | None:
-    own = (one for one in configuration.choices if one.role is role and one.axle == axle)
-    return next(own, None)
+def _choices(
+    configuration: Configuration, role: Role, axle: int | None = None
+) -> list[SignalChoice]:
+    """Signals of a role, of one axle or of all."""
+    own = (one for one in configuration.choices if one.role is role)
+    return [one for one in own if axle is None or one.axle == axle]
 
 
 _BY_FORM: Mapping[tuple[str, str], Describe] = {
