@@ -117,19 +117,10 @@ def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
         return contact_outcome(record, diagnosis)
     if find_group(record["kind"]) in OUTSIDE_GROUPS:
         return outside_outcome(record, diagnosis)
+    if find_group(record["kind"]) in ("null", "out"):
+        return _without_effect(record["truth"]["channel"], diagnosis, names)
     true = [e["effect"] for e in record["truth"]["effects"]]
     verdict, channel = diagnosis["verdict"], diagnosis["channel"]
-    if find_group(record["kind"]) in ("null", "out"):
-        wanted = record["truth"]["channel"]
-        # A factor in the right column is an answer as well, and so is a formula in it alone.
-        if wanted is not None and causes and all(_is_factor_of(wanted, one) for one in causes):
-            return "unexplained", names
-        if names or verdict == "named":
-            return "wrong", names
-        if verdict == "nothing_found":
-            return "nothing", ()
-        right = wanted is None or wanted == channel
-        return ("unexplained" if right else "wrong channel"), (f"[{channel}]",)
     if verdict == "named" and len(true) == 1:
         return single_outcome(true[0], causes), names
     if verdict == "named":
@@ -138,6 +129,22 @@ def _outcome(record: Record, diagnosis: Record) -> tuple[str, tuple[str, ...]]:
     if verdict == "unexplained":
         return "unexplained", (*names, f"[{channel}]")
     return "nothing", ()
+
+
+def _without_effect(
+    wanted: str | None, diagnosis: Record, names: tuple[str, ...]
+) -> tuple[str, tuple[str, ...]]:
+    """Outcome and answer where no effect of the library is hidden, perhaps a channel's."""
+    causes, verdict, channel = diagnosis["causes"], diagnosis["verdict"], diagnosis["channel"]
+    # A factor in the right column is an answer as well, and so is a formula in it alone.
+    if wanted is not None and causes and all(_is_factor_of(wanted, one) for one in causes):
+        return "unexplained", names
+    if names or verdict == "named":
+        return "wrong", names
+    if verdict == "nothing_found":
+        return "nothing", ()
+    right = wanted is None or wanted == channel
+    return ("unexplained" if right else "wrong channel"), (f"[{channel}]",)
 
 
 def single_outcome(true: str, causes: Sequence[Record]) -> str:
