@@ -108,7 +108,7 @@ def _estimate_panels(
     for row, (title, name) in enumerate(
         (
             ("maximum adhesion μ<sub>max</sub>", "mu_max"),
-            ("slip ratio at it λ<sub>m</sub>", "lambda_m"),
+            ("its slip ratio λ<sub>m</sub>", "lambda_m"),
         )
     ):
         bx, by = band(x, lower[row], upper[row])

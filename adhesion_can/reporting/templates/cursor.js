@@ -29,7 +29,7 @@ function readable(trace) {
 function short(value) {
   if (value === null) return "–";
   const size = Math.abs(value);
-  const text = size > 0 && size < 1e-4 ? value.toExponential(2) : String(Number(size < 1 ? value.toFixed(6) : value.toPrecision(6)));
+  const text = size > 0 && size < 1e-4 ? value.toExponential(2) : String(Number(value.toPrecision(5)));
   return text.replaceAll("-", "−");
 }
 
@@ -48,6 +48,8 @@ function readAt({ kind, rows }, at, name) {
   let nearest = Math.max(before, 0);
   if (kind !== "held" && low < rows.length && (before < 0 || rows[low][0] - at < at - rows[before][0])) nearest = low;
   const [x, first, second] = rows[nearest];
+  // Where the estimate has a gap its band has no row.
+  if (kind === "band" && Math.abs(x - at) > (0.75 * reach) / GAP_STEPS) return "–";
   if (kind === "band") return first === second ? short(first) : `${short(first)} to ${short(second)}`;
   // Both extremes of a span of setpoints have its middle as their abscissa.
   const other = [nearest - 1, nearest + 1].find((k) => k >= 0 && k < rows.length && rows[k][0] === x);
