@@ -191,7 +191,7 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     misfit = result.misfit = find_misfit(receiver, seen, configuration, samples=len(samples))
     if misfit is not None:
         result.failures.append(f"{misfit.what}; {misfit.fix}")
-        if misfit.of_other_bus:
+        if misfit.of_other_bus and not receiver.unmarked:
             return result  # what else would be said follows from it
     restart_s = configuration.service.restart_s
     length_us = extractor.hole.length_us
