@@ -11,6 +11,7 @@ The scenarios are laid out for the default locomotive. Another vehicle runs them
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from math import ceil, floor, log10
 from statistics import fmean
 from typing import NamedTuple
 
@@ -26,6 +27,10 @@ from adhesion_can.simulation.sensors import NOISE_ROOM, NoiseSettings
 HELD_SHARE = 0.1
 """Share of the train's weight on driven wheels up to which the track alone keeps the speed: its
 steepest gradient, 0.035, balances an adhesion of 0.35 there."""
+SWINGING_SHARE = 1.1 * HELD_SHARE
+"""The same share where the speed of the scenario varies. No second vehicle helps there: it would
+stop the vehicle or turn its acceleration over within a second, and a stronger one would make the
+speed ignore the efforts, which contradicts the mass."""
 OVERSHOOT = 0.1
 """Room for the wheel speeds above that of the largest slip, as a share."""
 SLOWEST_RUN = 2.0
@@ -112,11 +117,14 @@ def scenario_of(
         slip_high: Largest slip ratio of the drive.
 
     Raises:
-        InputError: The range of a speed signal has no room for a run.
+        InputError: The range of a speed signal has no room for a run, or the speed of a light train
+            would not follow the scenario's.
 
     """
     notes = []
     share = sum(vehicle.axle_load) / (GRAVITY * vehicle.train_mass)
+    if scenario.speed_swing and share > SWINGING_SHARE:
+        raise _too_light(scenario, vehicle)
     if scenario.gradient is None and share > HELD_SHARE:
         scenario = replace(scenario, help=share / HELD_SHARE - 1.0)
         notes.append(
@@ -178,6 +186,20 @@ def _describe_limit(found: Range, effort: float, vehicle: Locomotive) -> str:
 def _ends(signal: BoundSignal) -> str:
     low, high = signal.plan.sendable
     return f"{low:g} to {high:g} in the database"
+
+
+def _too_light(scenario: Scenario, vehicle: Locomotive) -> InputError:
+    """Error where a scenario needs a heavier train."""
+    least = sum(vehicle.axle_load) / (GRAVITY * HELD_SHARE)
+    step = 10.0 ** (floor(log10(least)) - 1)
+    return InputError(
+        "vehicle.train_mass_kg",
+        f"a train of {vehicle.train_mass / 1e3:.3g} t is too light for '{scenario.name}', in which "
+        "all axles pull and brake with up to 35 % of the weight on them",
+        "simulate the vehicle coupled to others, as in adhesion tests: write train_mass_kg = "
+        f"{ceil(least / step) * step:.0f} in a copy of the configuration, and use this copy for "
+        "the recording, too",
+    )
 
 
 def _no_room(signal: BoundSignal, what: str) -> InputError:

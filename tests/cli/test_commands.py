@@ -443,7 +443,8 @@ def test_a_log_without_a_known_frame(capsys, tmp_path):
     (tmp_path / "other.log").write_text("(1.000000) can0 7DF#0102\n" * 3)
     for command in ("replay", "check", "identify"):
         line = fails(capsys, command, tmp_path / "other.log")
-        assert "messages are missing" in line and "the recording has 0x7DF" in line
+        assert "messages are missing" in line
+        assert "the recording has 0x7DF" in line
         assert "--dbc" in line
 
 

@@ -99,14 +99,15 @@ def test_noise_is_in_proportion_to_the_static_load(tmp_path):
     {"kmh": "[0|300]", "rpm": "[0|3000]", "kN": "[-300|300]"},
 ], ids=["usual", "slow", "slow wheels", "weak", "wide"])  # fmt: skip
 def test_a_tram_stays_within_the_ranges_of_its_signals(tmp_path, ranges, scenario):
-    config = load_configuration(own(tmp_path, **ranges))
+    mass = 380e3 if scenario == "sweep" else 37.5e3
+    config = load_configuration(own(tmp_path, mass=mass, **ranges))
     drive = simulate(scenario, 16.0, configuration=config)
     found = readings(drive.frames, config)
     speed = found[Role.VEHICLE_SPEED, 0]
     assert speed.min() > 2.0
     assert speed.max() < 25.0  # speed_max of [limits]
     notes = drive.truth["notes"]
-    assert any("second vehicle" in note for note in notes)
+    assert any("second vehicle" in note for note in notes) is (scenario != "sweep")
     assert not any("at an end of its range" in note for note in notes)
     is_weak = ranges.get("kN") == "[-20|20]"
     assert any("tractive_effort.1 (-20 to 20" in note for note in notes) is is_weak
@@ -115,6 +116,15 @@ def test_a_tram_stays_within_the_ranges_of_its_signals(tmp_path, ranges, scenari
 def test_the_second_vehicle_is_for_light_trains_alone(tmp_path):
     heavy = simulate("dry", 0.1, configuration=own(tmp_path, mass=1e6))
     assert heavy.truth["notes"] == []
+
+
+def test_a_light_train_cannot_sweep_and_a_coupled_one_never_stands(tmp_path):
+    says = r"train of 37\.5 t is too light for 'sweep'.*write train_mass_kg = 380000 in a copy"
+    with pytest.raises(InputError, match=says):
+        simulate("sweep", 1.0, configuration=own(tmp_path))
+    config = load_configuration(own(tmp_path, mass=380e3))
+    found = readings(simulate("sweep", 150.0, configuration=config).frames, config)
+    assert found[Role.VEHICLE_SPEED, 0].min() > 2.0
 
 
 def test_speeds_are_limited_by_the_configuration(tmp_path):
@@ -126,7 +136,7 @@ def test_speeds_are_limited_by_the_configuration(tmp_path):
 
 
 def test_an_effort_without_a_sign_is_never_below_0(tmp_path):
-    config = load_configuration(own(tmp_path, kN="[0|60]"))
+    config = load_configuration(own(tmp_path, kN="[0|60]", mass=380e3))
     drive = simulate("sweep", 20.0, configuration=config)
     assert min(readings(drive.frames, config)[Role.TRACTIVE_EFFORT, 1]) >= 0.0
     assert any("tractive_effort.1" in n and "% of its frames" in n for n in drive.truth["notes"])
