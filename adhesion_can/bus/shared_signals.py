@@ -62,3 +62,31 @@ def distribute(shared: Sequence[RoleGuess], axles: int | None) -> tuple[RoleGues
         replace(shared[(axle - 1) // each], axle=axle, share=1 / each, doubts=())
         for axle in range(1, axles + 1)
     )
+
+
+def first_axle_of_each(taken: Iterable[RoleGuess]) -> dict[int, tuple[RoleGuess, ...]]:
+    """Roles of the first axle of each effort, where several axles share one.
+
+    Args:
+        taken: Roles of all axles.
+
+    Returns:
+        Roles of each axle that is kept, by its number among all axles: its efforts, speeds and
+        loads, numbered from 1 again; empty where every axle has an effort of its own.
+
+    """
+    guesses = sorted(taken, key=lambda guess: guess.axle)
+    efforts = [guess for guess in guesses if guess.role is Role.TRACTIVE_EFFORT]
+    first: dict[str, int] = {}
+    for guess in efforts:
+        first.setdefault(guess.place, guess.axle)
+    if len(first) == len(efforts):
+        return {}
+    return {
+        axle: tuple(
+            replace(guess, axle=number)
+            for guess in guesses
+            if guess.role.per_axle and guess.axle == axle
+        )
+        for number, axle in enumerate(sorted(first.values()), start=1)
+    }

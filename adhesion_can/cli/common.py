@@ -11,7 +11,7 @@ from pathlib import Path
 from shutil import which
 from typing import TYPE_CHECKING, Any
 
-from adhesion_can.bus.database import CanDatabase
+from adhesion_can.bus.database import DATABASE_SUFFIXES, CanDatabase
 from adhesion_can.cli.bars import bar
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
@@ -20,6 +20,10 @@ from adhesion_can.recordings.formats import require_text_name
 
 if TYPE_CHECKING:
     from adhesion_can.config import Configuration
+
+
+SHOWN = 4
+"""Number of files that an error names."""
 
 
 def add_configuration(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +41,18 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
 def add_lenient(group: argparse._ActionsContainer) -> None:
     """Option --lenient."""
     group.add_argument("--lenient", action="store_true", help="skip faulty messages of a DBC")
+
+
+def require_database(path: Path | None) -> None:
+    """Raise an InputError where --dbc names no file, with the databases that are beside it."""
+    if path is None or path.exists():
+        return
+    beside = path.parent.glob("*")
+    there = sorted(str(one) for one in beside if one.suffix.lower() in DATABASE_SUFFIXES)
+    fix = f"check the path, which is relative to {Path.cwd()}"
+    if there:
+        fix = f"databases in that folder: {', '.join(there[:SHOWN])}"
+    raise InputError(f"--dbc {path}", "No such file", fix)
 
 
 def tell_left_out(database: CanDatabase) -> None:
@@ -87,6 +103,7 @@ def configuration(options: argparse.Namespace) -> "Configuration":
     from adhesion_can.config import load_configuration  # noqa: PLC0415  `convert` needs none
 
     lenient = getattr(options, "lenient", False)
+    require_database(options.dbc)
     config = load_configuration(options.config, options.dbc, lenient=lenient)
     tell_left_out(config.database)
     stated = getattr(options, "column", [])

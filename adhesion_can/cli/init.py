@@ -12,16 +12,19 @@ from adhesion_can.bus.shared_signals import SHARED_ROLES
 from adhesion_can.bus.units import known_units
 from adhesion_can.cli.common import (
     add_lenient,
+    require_database,
     require_outputs,
     require_positive,
     tell_left_out,
 )
-from adhesion_can.cli.init_questions import ask, meaning
+from adhesion_can.cli.init_numbers import meaning, require_usual
+from adhesion_can.cli.init_questions import ask, ask_second_file
 from adhesion_can.config.initial_file import (
     REQUIRED,
     InitialConfiguration,
     candidate_text,
     count_axles,
+    for_simulation,
     initial_text,
     shared_sentence,
 )
@@ -78,25 +81,51 @@ def run(options: argparse.Namespace) -> int:
             "exists, and may have your edits",
             "choose another name, or pass --overwrite",
         )
+    require_database(options.dbc)
     database = load_database(options.dbc, lenient=options.lenient)
     tell_left_out(database)
     guessed = guess_roles(database.db.messages)
-    initial = InitialConfiguration(database, guessed, count_axles(guessed), given)
+    axles = count_axles(guessed)
+    require_usual(given, {key: option for key, (option, *_) in _OPTIONS.items()})
+    initial = InitialConfiguration(database, guessed, axles, given)
     if not options.yes:
         if not sys.stdin.isatty():
             raise InputError(str(options.dbc), _summary(initial), "pass --yes to take the guesses")
         initial = ask(initial)
-    text = initial_text(initial, options.out)
-    if options.out is None:
-        sys.stdout.write(text)
-    else:
-        with whole_file(options.out) as file:
-            file.write(text)
+    _write(initial, options.out)
+    second = None if options.yes else _second_file(initial, options)
     where = "" if options.out is None else f"{options.out}: "
     say(f"{where}{_summary(initial)}")
     for line in _left_over(initial):
         say(line)
+    if second is not None:
+        say(f"{second}: for 'simulate', one axle of each motor")
     return 0
+
+
+def _write(initial: InitialConfiguration, path: Path | None) -> None:
+    """Write the file; None: to stdout."""
+    text = initial_text(initial, path)
+    if path is None:
+        sys.stdout.write(text)
+    else:
+        with whole_file(path) as file:
+            file.write(text)
+
+
+def _second_file(initial: InitialConfiguration, options: argparse.Namespace) -> Path | None:
+    """Path of the file for `simulate`, which is written after a yes; None: there is none."""
+    simulated = for_simulation(initial)
+    if simulated is None or options.out is None:
+        return None
+    path: Path = options.out.with_name(f"{options.out.stem}_simulate{options.out.suffix}")
+    if path.exists() and not options.overwrite:
+        say(f"{path}: exists, and may have your edits; with --overwrite it is written again")
+        return None
+    if not ask_second_file(path):
+        return None
+    _write(simulated, path)
+    return path
 
 
 def _summary(initial: InitialConfiguration) -> str:
@@ -114,6 +143,8 @@ def _summary(initial: InitialConfiguration) -> str:
         parts.append(f"missing {', '.join(initial.missing)}")
     if initial.to_fill_in:
         parts.append(f"to fill in {', '.join(initial.to_fill_in)}")
+    if silent := [name for name in initial.without_cycle if name not in initial.cycles]:
+        parts.append(f"no cycle of {', '.join(silent)}")
     return "; ".join(parts)
 
 

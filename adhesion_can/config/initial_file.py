@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cantools.database.can import Signal
@@ -10,7 +10,7 @@ from cantools.database.can import Signal
 from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
 from adhesion_can.bus.role_candidates import Candidate, candidates, unused_signals
 from adhesion_can.bus.role_guess import CHOSEN, GuessedRoles, RoleGuess
-from adhesion_can.bus.shared_signals import SHARED_ROLES, distribute
+from adhesion_can.bus.shared_signals import SHARED_ROLES, distribute, first_axle_of_each
 from adhesion_can.bus.signal_signs import Signs, signs_of, stated_range
 from adhesion_can.config.toml_text import quoted
 from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA, vehicle_example
@@ -35,6 +35,8 @@ class InitialConfiguration:
         axles: Number of axles; None: not known.
         vehicle: Values of the vehicle by key of [vehicle]; keys that are missing are to be filled
             in.
+        cycles: Cycle of messages, ms, by name, where the database has none.
+        kept_axles: Numbers of the vehicle's axles that are mapped; empty where all are.
 
     """
 
@@ -42,6 +44,8 @@ class InitialConfiguration:
     guessed: GuessedRoles
     axles: int | None
     vehicle: Mapping[str, float]
+    cycles: Mapping[str, float] = field(default_factory=dict)
+    kept_axles: tuple[int, ...] = ()
 
     @property
     def missing(self) -> list[str]:
@@ -72,6 +76,15 @@ class InitialConfiguration:
         return candidates(self.database.db.messages, self.guessed, role)
 
     @property
+    def without_cycle(self) -> list[str]:
+        """Messages of the roles, open ones included, that have no cycle in the database."""
+        guessed = self.guessed
+        rivals = (rival for alike in guessed.rivals.values() for rival in alike)
+        found = (*guessed.taken, *guessed.shared, *rivals)
+        messages = {one.message.name: one.message for one in found}
+        return [name for name, one in messages.items() if cycle_us(one) is None]
+
+    @property
     def one_sided(self) -> list[str]:
         """Signals taken as an effort whose values cannot be negative, as `Message.Signal`."""
         return list(dict.fromkeys(g.place for g in self.guessed.taken if _is_one_sided(g)))
@@ -92,6 +105,22 @@ class InitialConfiguration:
         """Keys of [vehicle] without a value."""
         keys = [key for key in VEHICLE_DATA if key not in self.vehicle]
         return [*(["axles"] if self.axles is None else []), *keys]
+
+
+def for_simulation(initial: InitialConfiguration) -> InitialConfiguration | None:
+    """The configuration with the first axle of each motor; None where no axles share an effort.
+
+    `simulate` moves every axle separately, so that two of them cannot have one effort.
+    """
+    guessed = initial.guessed
+    kept = first_axle_of_each(guessed.taken)
+    if not kept:
+        return None
+    whole = [guess for guess in guessed.taken if not guess.role.per_axle]
+    rivals = {name: alike for name, alike in guessed.rivals.items() if not alike[0].role.per_axle}
+    taken = (*whole, *(guess for guesses in kept.values() for guess in guesses))
+    roles = GuessedRoles(taken, rivals)
+    return replace(initial, guessed=roles, axles=len(kept), kept_axles=tuple(kept))
 
 
 def count_axles(guessed: GuessedRoles) -> int | None:
@@ -122,7 +151,12 @@ def initial_text(initial: InitialConfiguration, target: Path | None) -> str:
 
 def _vehicle(initial: InitialConfiguration) -> str:
     axles = f'"{FILL_IN}"' if initial.axles is None else str(initial.axles)
-    lines = ["[vehicle]", f"axles = {axles}  # those with a wheel speed"]
+    which = "those with a wheel speed"
+    if initial.kept_axles:
+        which = (
+            f"axles {' and '.join(map(str, initial.kept_axles))} of the vehicle: one of each motor"
+        )
+    lines = ["[vehicle]", f"axles = {axles}  # {which}"]
     for key, meaning in VEHICLE_DATA.items():
         value = initial.vehicle.get(key)
         if value is None:
@@ -144,27 +178,35 @@ def _vehicle(initial: InitialConfiguration) -> str:
 
 def _instruments(initial: InitialConfiguration) -> str:
     """Section of what the instruments may be wrong by, with the values that hold without it."""
-    load = initial.vehicle.get("axle_load_N", HEAVY_LOAD)
-    usual = InstrumentUncertainty().on_load(load)
+    load = initial.vehicle.get("axle_load_N")
+    usual = InstrumentUncertainty().on_load(HEAVY_LOAD if load is None else load)
+    bias = (
+        "..  # N; without this line" if load is None else f"{usual.used_bias_std:.0f}  # N; this is"
+    )
     return (
         "# Errors that all axles share; they count until the train has braked and coasted.\n"
         "# 'check' and 'calibrate' propose smaller ones that a recording bears out.\n"
         "[instruments]\n"
         f"speed_error_std = {usual.speed_error_std:g}  # scale of the vehicle speed, a share\n"
-        f"# effort_bias_std = {usual.used_bias_std:.0f}  # N; this is 0.41 % of the axle load\n"
+        f"# effort_bias_std = {bias} 0.41 % of the axle load\n"
     )
 
 
 def _roles(initial: InitialConfiguration) -> str:
     lines = ["[roles]"]
-    guessed = initial.guessed
+    guessed, cycles = initial.guessed, initial.cycles
+    if silent := [name for name in initial.without_cycle if name not in cycles]:
+        lines += [
+            f"# The database has no cycle of {', '.join(map(_comment, silent))}.",
+            '# Write it at their roles: { signal = "MESSAGE.SIGNAL", cycle_ms = 20 } for 20 ms.',
+        ]
     for guess in sorted(guessed.taken, key=lambda one: (list(Role).index(one.role), one.axle)):
         why = "chosen" if guess.reasons == CHOSEN else f"guessed from {_why(guess)}; check"
-        lines.append(f"{_entry(guess)}  # {why}")
+        lines.append(f"{_entry(guess, cycles)}  # {why}")
         lines += [f"#   {note}" for note in _notes(guess)]
     for name, rivals in guessed.rivals.items():
         lines.append(f"# {name}: unclear; uncomment the right line, if any:")
-        lines += [f"# {_entry(rival)}  # {_why(rival)}" for rival in rivals]
+        lines += [f"# {_entry(rival, cycles)}  # {_why(rival)}" for rival in rivals]
     for role in SHARED_ROLES:
         lines += _shared(initial, role)
     if initial.absent:
@@ -178,12 +220,15 @@ def _roles(initial: InitialConfiguration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _entry(guess: RoleGuess) -> str:
-    """Line of a role, with the factor where its signal is that of several axles."""
-    if guess.share == 1:
-        return f"{quoted(guess.name)} = {quoted(guess.place)}"
-    factor = f"{guess.share:.12g}"
-    return f"{quoted(guess.name)} = {{ signal = {quoted(guess.place)}, factor = {factor} }}"
+def _entry(guess: RoleGuess, cycles: Mapping[str, float]) -> str:
+    """Line of a role, with its factor and cycle where the database does not have them."""
+    parts = [f"signal = {quoted(guess.place)}"]
+    if guess.share != 1:
+        parts.append(f"factor = {guess.share:.12g}")
+    if guess.message.name in cycles:
+        parts.append(f"cycle_ms = {cycles[guess.message.name]:.12g}")
+    value = quoted(guess.place) if len(parts) == 1 else f"{{ {', '.join(parts)} }}"
+    return f"{quoted(guess.name)} = {value}"
 
 
 def signals_text(guesses: Sequence[RoleGuess]) -> str:
@@ -230,7 +275,24 @@ def _shared(initial: InitialConfiguration, role: Role) -> list[str]:
         lines.append(f"# If each has {each}, in this order, uncomment:")
     else:
         lines.append("# Uncomment with the axle's number, and state its factor:")
-    return lines + [f"# {_entry(guess)}  # {_why(guess)}" for guess in proposed or shared]
+    lines += [f"# {_entry(one, initial.cycles)}  # {_why(one)}" for one in proposed or shared]
+    if role is Role.TRACTIVE_EFFORT and proposed:
+        lines += _one_of_each(initial, proposed)
+    return lines
+
+
+def _one_of_each(initial: InitialConfiguration, proposed: Sequence[RoleGuess]) -> list[str]:
+    """Roles with the first axle of each motor, commented out: none where all have an effort."""
+    kept = first_axle_of_each((*initial.guessed.taken, *proposed))
+    own = [guess for guesses in kept.values() for guess in guesses]
+    if not any(guess.role is Role.WHEEL_SPEED for guess in own):
+        return []
+    own.sort(key=lambda one: (list(Role).index(one.role), one.axle))
+    return [
+        "# 'simulate' moves every axle separately. For it, copy this file, write the number of",
+        f"# axles, {len(kept)}, and keep only these roles of axles {' and '.join(map(str, kept))}:",
+        *(f"#   {_entry(guess, initial.cycles)}" for guess in own),
+    ]
 
 
 def _unused(initial: InitialConfiguration) -> str:
@@ -257,13 +319,8 @@ def _is_one_sided(guess: RoleGuess) -> bool:
 
 
 def _notes(guess: RoleGuess) -> list[str]:
-    """What the database does not say about a guessed signal, or what it cannot know."""
+    """What to check about a guessed signal."""
     message, notes = guess.message, []
-    if cycle_us(message) is None:
-        notes.append(
-            "the database has no cycle of its message: write "
-            f"{{ signal = {quoted(guess.place)}, cycle_ms = .. }}"
-        )
     checksum = next(
         (s.name for s in message.signals if any(c in s.name.lower() for c in _CHECKSUMS)), None
     )

@@ -21,7 +21,7 @@ from adhesion_can.offline.instrument_errors import propose_instruments
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.recording_fit import Misfit, find_misfit
 from adhesion_can.offline.scan import Scan, SignalRange, scan
-from adhesion_can.offline.train_mass import find_light_train
+from adhesion_can.offline.vehicle_numbers import inspect_numbers
 from adhesion_can.offline.watch_samples import ObjectionSpan, watch_samples
 from adhesion_can.physics.readings import REQUIRED, Role, role_name
 from adhesion_can.physics.samples import Samples
@@ -296,7 +296,7 @@ def _check_loads(result: CheckResult, configuration: Configuration) -> None:
 def _check_vehicle(result: CheckResult, configuration: Configuration) -> None:
     """Which data of another vehicle than the default one were not given, or disagree."""
     default, vehicle = Locomotive(), configuration.vehicle
-    result.warnings.extend(find_light_train(vehicle))
+    result.warnings.extend(inspect_numbers(vehicle))
     if vehicle == default:
         return
     places = (

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.config.vehicle_ranges import MOST_LOAD_N
 from adhesion_can.offline.consistency import (
     inspect_acceleration,
     inspect_delay,
@@ -29,8 +30,6 @@ CREEPING, SATURATED = (0.03, 0.2), 0.5
 """Slips, as ratios, at which a contact has most of its adhesion, and the share that shows it."""
 LEAST_LOAD_N = 50.0
 """Median load below which no vehicle that is measured rests on a wheel."""
-MOST_LOAD_N = 500e3
-"""Load that no wheelset has; the heaviest carry 42 t."""
 LEAST_USED = 0.02
 """Largest adhesion that a measured wheel uses at least."""
 LOAD_UNITS = {"kg": 9.81, "kN": 1e3, "t": 9807.0}

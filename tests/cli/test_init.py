@@ -77,6 +77,40 @@ def test_a_wrong_number_is_told_in_its_own_unit(capsys):
     assert "--axle-load: -1 is not a positive number; give newtons above 0" in told
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "fix"),
+    [
+        ("--axle-load", "92", "below any axle load (1 to 500 kN); pass 92e3 for 92 kN; if it is"),
+        (
+            "--inertia",
+            "92e3",
+            "above any inertia of a wheelset (0.1 to 5000 kg m^2), and may be the",
+        ),
+        ("--train-mass", "60", "pass 60e3 for 60 t; if it is right, write it into the file"),
+        (
+            "--wheel-radius",
+            "33",
+            "33 m is above any wheel radius (0.1 to 1.3 m); pass 0.33 for 33 cm",
+        ),
+    ],
+)
+def test_a_number_that_no_vehicle_has_is_refused_with_what_was_meant(capsys, option, value, fix):
+    assert main(["init", "--dbc", str(TRAM), "--yes", option, value]) == 2
+    said = capsys.readouterr().err
+    assert f"init: {option}: " in said
+    assert fix in said
+
+
+def test_a_database_that_is_not_there_is_named_with_those_that_are(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for words in (["init", "--yes"], ["check", "drive.log"]):
+        assert main([*words, "--dbc", "nope.dbc"]) == 2
+        assert "--dbc nope.dbc: No such file; check the path, which is" in capsys.readouterr().err
+    (tmp_path / "mine.dbc").write_text("")
+    assert main(["init", "--yes", "--dbc", "nope.dbc"]) == 2
+    assert "; databases in that folder: mine.dbc\n" in capsys.readouterr().err
+
+
 def test_without_a_terminal_nothing_is_taken_silently(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(sys, "stdin", StringIO(""))
     out = tmp_path / "tram.toml"
@@ -197,6 +231,14 @@ def test_errors_of_the_instruments_stand_with_the_values_that_hold(tmp_path, loa
     stated = text.replace("# effort_bias_std", "effort_bias_std")
     (tmp_path / "stated.toml").write_text(stated)
     assert load_configuration(tmp_path / "stated.toml").estimators.instruments.used_bias_std > 0
+
+
+def test_an_error_in_proportion_to_an_unknown_load_has_no_number(tmp_path):
+    out = tmp_path / "own.toml"
+    assert main(["init", "--dbc", str(TRAM), "--yes", "--out", str(out)]) == 0
+    assert (
+        "# effort_bias_std = ..  # N; without this line 0.41 % of the axle load" in out.read_text()
+    )
 
 
 def test_a_file_with_edits_in_it_is_not_replaced(tmp_path, capsys):

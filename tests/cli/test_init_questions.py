@@ -6,6 +6,7 @@ from io import StringIO
 
 import pytest
 
+from adhesion_can import simulate
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 
@@ -60,6 +61,9 @@ BARE = (
     ("W", ["Wheel1 + 0 3000 rpm", "Wheel2 + 0 3000 rpm"]),
     ("L", ["AxleLoad1 + 0 300 kN", "AxleLoad2 + 0 300 kN", "Mot_Trq - -900 900 Nm"]),
 )
+
+
+SILENT = (("Fast", ["Wheel1 + 0 3000 rpm"]), ("Slow", ["vGround + 0 120 km/h"]))
 
 
 def answer(tmp_path, monkeypatch, capsys, messages, *lines, options=VEHICLE):
@@ -176,6 +180,11 @@ def test_an_effort_without_negative_values_is_said(tmp_path, capsys):
     [
         ("0,46", "'0,46': has a decimal comma; type 0.46\n"),
         ("0.46 m", "'0.46 m': has more than a number; type it in m without the unit, for example"),
+        ("460 mm", "'460 mm': type it in m: 0.46\n"),
+        (
+            "460",
+            "'460': 460 m is above any wheel radius (0.1 to 1.3 m); type 0.46 for 460 mm, or 460",
+        ),
         ("0.46 0.45", "'0.46 0.45': several numbers; type one for all axles, for example 0.33"),
         ("small", "'small': not a number; type one in m, for example 0.33\n"),
         ("-1", "'-1': not above 0; type for example 0.33\n"),
@@ -215,3 +224,107 @@ def test_a_number_of_axles_is_whole(tmp_path, monkeypatch, capsys, typed):
     _, out, asked = answer(tmp_path, monkeypatch, capsys, messages, typed, "2", "")
     assert f"'{typed}': not a whole number from 1 to 64; type for example 4" in asked
     assert tomllib.loads(out.read_text())["vehicle"]["axles"] == 2
+
+
+@pytest.mark.parametrize(
+    ("skipped", "typed", "said"),
+    [
+        (2, "92", "92 N is below any axle load (1 to 500 kN); type 92e3 for 92 kN, or 92 again to"),
+        (2, "9.2", "type 9.2e3 for 9.2 kN or 90.22e3 for 9.2 t, or"),
+        (2, "368e4", "type the load of one axle, not of the vehicle, for example 90e3, or 368e4"),
+        (2, "92 kN", "'92 kN': type it in N: 92e3\n"),
+        (
+            4,
+            "92000",
+            "and may be the axle load in N or the mass of a train in kg; type for example 60",
+        ),
+        (
+            6,
+            "37.5",
+            "37.5 kg is below any mass of a train (0.3 t to 200 000 t); type 37.5e3 for 37.5 t",
+        ),
+        (6, "1650", "less than the 36710 kg that the axles carry; type 1650e3 for 1650 t, or 1650"),
+        (
+            6,
+            "20e3",
+            "less than the 36710 kg that the axles carry; type 36.8e3 or more, or 20e3 again",
+        ),
+    ],
+)
+def test_a_number_that_no_vehicle_has_is_asked_again(
+    tmp_path, monkeypatch, capsys, skipped, typed, said
+):
+    key = VEHICLE[skipped]
+    options = [*VEHICLE[:skipped], *VEHICLE[skipped + 2 :]]
+    kept = VEHICLE[skipped + 1]
+    _, out, asked = answer(tmp_path, monkeypatch, capsys, TRAM, "n", typed, kept, options=options)
+    assert said in asked, key
+    assert float(kept) in tomllib.loads(out.read_text())["vehicle"].values()
+
+
+def test_an_unusual_number_is_kept_where_it_is_typed_twice(tmp_path, monkeypatch, capsys):
+    lines = ("n", "2.0", "2.0")
+    _, out, _ = answer(tmp_path, monkeypatch, capsys, TRAM, *lines, options=VEHICLE[2:])
+    assert tomllib.loads(out.read_text())["vehicle"]["wheel_radius_m"] == 2.0
+
+
+def test_cycles_that_the_database_lacks_are_asked_once_for_each_message(
+    tmp_path, monkeypatch, capsys
+):
+    dbc, out = database(tmp_path / "own.dbc", *SILENT), tmp_path / "own.toml"
+    dbc.write_text(dbc.read_text().replace('"GenMsgCycleTime" 20', '"GenMsgCycleTime" 0'))
+    monkeypatch.setattr(sys, "stdin", Terminal("0\n20\n\n"))
+    assert main(["init", "--dbc", str(dbc), "--out", str(out), *VEHICLE]) == 0
+    said = capsys.readouterr().err
+    assert "'0': not from 0.1 to 100000 ms; type for example 20" in said
+    assert "no cycle of Slow" in said
+    text = out.read_text()
+    roles = tomllib.loads(text)["roles"]
+    assert roles["wheel_speed.1"] == {"signal": "Fast.Wheel1", "cycle_ms": 20}
+    assert roles["vehicle_speed"] == "Slow.vGround"
+    assert text.count("The database has no cycle of Slow.\n") == 1
+
+
+@pytest.mark.parametrize("agreed", ["y", "n"])
+def test_shared_motors_get_a_second_file_that_can_be_simulated(
+    tmp_path, monkeypatch, capsys, agreed
+):
+    roles, out, said = answer(tmp_path, monkeypatch, capsys, BOGIE, "y", "y", agreed)
+    second = out.with_name("own_simulate.toml")
+    assert f"write {second} for it, with the first axle of each?" in said
+    assert roles["tractive_effort.4"] == {"signal": "ASR_Ist.M2_Zugkraft", "factor": 0.5}
+    assert second.exists() == (agreed == "y")
+    if agreed == "y":
+        assert (
+            "axles = 2  # axles 1 and 3 of the vehicle: one of each motor\n" in second.read_text()
+        )
+        mapped = tomllib.loads(second.read_text())["roles"]
+        assert mapped["wheel_speed.2"] == "ASR_Rad.Rad_C"
+        assert mapped["tractive_effort.2"] == {"signal": "ASR_Ist.M2_Zugkraft", "factor": 0.5}
+        assert simulate("dry", 0.1, configuration=second).frames
+
+
+def test_a_second_file_with_edits_is_kept(tmp_path, monkeypatch, capsys):
+    dbc, out = database(tmp_path / "own.dbc", *BOGIE), tmp_path / "own.toml"
+    second = tmp_path / "own_simulate.toml"
+    second.write_text("# mine\n")
+    monkeypatch.setattr(sys, "stdin", Terminal("y\ny\ny\n"))
+    assert main(["init", "--dbc", str(dbc), "--out", str(out), *VEHICLE]) == 0
+    assert f"{second}: exists, and may have your edits" in capsys.readouterr().err
+    assert second.read_text() == "# mine\n"
+
+
+def test_without_answers_the_roles_for_a_simulation_are_commented(tmp_path):
+    """Wheels with numbers are clear; the efforts of two motors for them have to be asked."""
+    wheels = ("W", [f"Wheel{axle} + 0 3000 rpm" for axle in (1, 2, 3, 4)])
+    dbc, out = database(tmp_path / "own.dbc", wheels, BOGIE[0], BOGIE[2]), tmp_path / "own.toml"
+    assert main(["init", "--dbc", str(dbc), "--out", str(out), "--yes", *VEHICLE]) == 0
+    _, found, section = out.read_text().partition("keep only these roles of axles 1 and 3:\n")
+    assert found
+    lines = [line.removeprefix("#   ") for line in section.splitlines()[:4]]
+    assert tomllib.loads("\n".join(lines)) == {
+        "wheel_speed.1": "W.Wheel1",
+        "wheel_speed.2": "W.Wheel3",
+        "tractive_effort.1": {"signal": "ASR_Ist.M1_Zugkraft", "factor": 0.5},
+        "tractive_effort.2": {"signal": "ASR_Ist.M2_Zugkraft", "factor": 0.5},
+    }

@@ -46,6 +46,28 @@ def test_a_mass_below_the_axle_loads_is_reported_with_the_line():
     )
 
 
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"wheel_radius": (3.3, *(0.33,) * 5)}, "wheel_radius_m in [vehicle]: 3.3 m is above any"),
+        ({"axle_load": (92.0,) * 6}, "(1 to 500 kN); write 92e3 for 92 kN"),
+        (
+            {"wheelset_inertia": 92e3},
+            "wheelset_inertia_kgm2 in [vehicle]: 92000 kg m^2 is above any",
+        ),
+        ({"train_mass": 60.0}, "(0.3 t to 200 000 t); write 60e3 for 60 t"),
+    ],
+)
+def test_a_number_that_no_vehicle_has_is_reported_once(change, says):
+    tram = Locomotive((0.33,) * 6, (9e4,) * 6, 60.0, train_mass=6e4)
+    (warning,) = warnings_for(replace(tram, **change))
+    assert says in warning
+
+
+def test_an_inertia_of_0_is_one_that_is_neglected():
+    assert warnings_for(Locomotive((0.33,) * 6, (9e4,) * 6, 0.0, train_mass=6e4)) == []
+
+
 @pytest.mark.parametrize("mass", [50e3, 55.1e3, 60e3, 2e6])
 def test_a_mass_of_the_loads_or_of_a_train_with_trailers_is_no_matter(mass):
     given = Locomotive((0.33,) * 6, (9e4,) * 6, 60.0, train_mass=mass)
