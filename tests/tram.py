@@ -82,13 +82,16 @@ class Tram:
         """Readings as traces."""
         return {key: Trace(*columns) for key, columns in self.readings(seed).items()}
 
-    def samples(self, seed, sensors=None) -> Samples:
-        """Samples with the variances of these sensors; None: the tram's own."""
+    def samples(self, seed, sensors=None, vehicle=VEHICLE) -> Samples:
+        """Samples with the variances of these sensors; None: the tram's own.
+
+        The vehicle is the configured one, which may be wrong.
+        """
         own = Sensors(self.wheel_std, self.speed_std, self.effort_std)
         cycles = dict.fromkeys(
             (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT), self.cycle_ms * 1000
         )
-        equations = SampleEquations(VEHICLE, cycles, SamplingSettings(), sensors or own)
+        equations = SampleEquations(vehicle, cycles, SamplingSettings(), sensors or own)
         former = ColumnFormer(equations)
         former.add(self.readings(seed))
         last_us = round(self.seconds * 1e6) + 1

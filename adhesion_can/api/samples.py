@@ -99,7 +99,9 @@ def clean_samples(
 
     """
     odd = require_plausible(
-        name, inspect_samples(samples, table=False), assumed=config.assume_plausible
+        name,
+        inspect_samples(samples, table=False, vehicle=config.vehicle),
+        assumed=config.assume_plausible,
     )
     left_out: Counter[str] = Counter()
     factor = 1.0

@@ -8,22 +8,22 @@ from typing import Any
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.roles import SignalChoice, packaged_choices
+from adhesion_can.bus.roles import packaged_choices
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.plan_file import read_plan
 from adhesion_can.control.frames import ControllerOnBus, build_follower
-from adhesion_can.errors import ConfigError, InputError
+from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
 from adhesion_can.files import whole_file
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.driving_plan import DrivingPlan
 from adhesion_can.physics.effects import ActiveEffect
-from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.formats import require_text_name
 from adhesion_can.result_text import html_table
 from adhesion_can.simulation.effect_option import parse_effects
 from adhesion_can.simulation.own_vehicle import drive_of, noise_of, scenario_of
+from adhesion_can.simulation.refusals import require_simulable
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 
@@ -120,30 +120,16 @@ def make_simulation(settings: RunSettings, config: Configuration) -> Simulation:
     """A simulation that writes the configured database, by the roles of its signals.
 
     Raises:
-        ConfigError: Several axles share an effort, or a signal without a factor of each.
-        InputError: A message of the configuration cannot be written.
+        ConfigError: Several axles share an effort, or a signal without a factor of each, or a
+            message has no cycle.
+        InputError: A value does not fit into its signal.
 
     """
     config.require_distinct_signals()
-    _require_own_efforts(config)
     is_packaged = set(config.choices) <= set(packaged_choices())
-    return Simulation(settings, config.database, messages=None if is_packaged else config.messages)
-
-
-def _require_own_efforts(config: Configuration) -> None:
-    """ConfigError where axles share an effort: each is simulated by itself, with its own slip."""
-    first: dict[tuple[str, str], SignalChoice] = {}
-    for choice in config.choices:
-        if choice.role is not Role.TRACTIVE_EFFORT:
-            continue
-        other = first.setdefault((choice.message, choice.signal), choice)
-        if other is not choice:
-            raise ConfigError(
-                f"{config.where}: roles",
-                f"{other.name} and {choice.name} share {choice.message}.{choice.signal}, and the "
-                "simulation moves every axle separately",
-                "map one axle of each motor, in a file of its own for 'simulate'",
-            )
+    messages = None if is_packaged else config.messages
+    require_simulable(config.choices, messages or (), config.where)
+    return Simulation(settings, config.database, messages=messages)
 
 
 def build_run_settings(

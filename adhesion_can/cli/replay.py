@@ -39,6 +39,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
 from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
+from adhesion_can.offline.missing_samples import describe_dropped
 from adhesion_can.offline.recording_fit import SeenIds, require_accepted, require_fit
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
@@ -166,7 +167,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         setpoints.doubts,
         setpoints.objections,
         typed_words(options, options.log),
-        None if samples else core.dropped_samples,
+        None if samples else describe_dropped(core.dropped_samples, config),
     )
     write_json(options.json, {**document, "next": step.line, **origin})
     fit = _describe_fit(misfit, config)

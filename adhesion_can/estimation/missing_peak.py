@@ -12,6 +12,8 @@ from adhesion_can.physics.samples import Samples
 
 LEAST_EFFORT = 0.02
 """Adhesion at the largest slips below which the vehicle coasts."""
+MOST_OPPOSITE = 0.8
+"""Share of the samples with an adhesion opposite to their slip from which a sign is wrong."""
 FAR, HALF = 0.7, 0.4
 """Slips, as shares of the largest ones, whose adhesions are compared."""
 CERTAIN = 3.0
@@ -71,7 +73,13 @@ def _lack_of_slip(estimate: Estimate, samples: Samples, settings: Identifiabilit
     share = f"{100 * (1 - settings.reach):.3g} %"
     reached = _reached(samples, settings)
     used = float(adhesion(np.array(reached), *estimate.theta))
-    if used < LEAST_EFFORT:
+    size, along = np.abs(samples.adhesion), samples.adhesion * np.sign(samples.slip)
+    if float(np.mean(along < -LEAST_EFFORT)) > MOST_OPPOSITE:
+        return (
+            f"the adhesion is opposite to the slip, {along.mean():.2f} on average; check the "
+            "signs of effort and speeds"
+        )
+    if used < LEAST_EFFORT and float(np.median(size)) < LEAST_EFFORT:
         return (
             f"{share} of the slips stay below {reached:.4f}, and the adhesion below "
             f"{LEAST_EFFORT:g}: the vehicle coasts"

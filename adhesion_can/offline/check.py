@@ -10,7 +10,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.j1939 import parameter_group, source_address
 from adhesion_can.bus.message_record import MessageRecord
 from adhesion_can.bus.receiver import Receiver
-from adhesion_can.config import UNKNOWN_CYCLE, Configuration
+from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.offline.compare_noise import NOISY_ROLES, ComparedNoise, compare_noise
@@ -18,6 +18,11 @@ from adhesion_can.offline.excitation import describe_excitation
 from adhesion_can.offline.extract_samples import Hole
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.offline.instrument_errors import propose_instruments
+from adhesion_can.offline.missing_samples import (
+    explain_axle,
+    explain_no_samples,
+    unknown_cycles,
+)
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.recording_fit import Misfit, find_misfit
 from adhesion_can.offline.scan import Scan, SignalRange, scan
@@ -326,8 +331,9 @@ def _check_signals(result: CheckResult) -> None:
 def _check_axles(result: CheckResult, configuration: Configuration) -> None:
     """Whether slip and adhesion of every axle come out plausible."""
     result.failures.extend("; ".join(pair) for pair in configuration.shared_signals())
-    what, fix = UNKNOWN_CYCLE
-    result.warnings.extend(f"{one}: {what}; {fix}" for one in configuration.unknown_cycles())
+    records = result.receiver.records
+    cycles = {one.message.plan.name: ms for one in records if (ms := mean_cycle_ms(one))}
+    result.warnings.extend(unknown_cycles(configuration, cycles))
     by_axle = (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT)
     mapped = {role: {c.axle for c in configuration.choices if c.role is role} for role in by_axle}
     for axle in range(1, configuration.vehicle.axles + 1):
@@ -338,8 +344,8 @@ def _check_axles(result: CheckResult, configuration: Configuration) -> None:
                 f"{' or '.join(lacking)}; map it, or write the number of axles in [vehicle]"
             )
         elif len(result.samples) and not np.any(result.samples.axle == axle):
-            result.failures.append(f"axle {axle}: no sample could be formed")
-    for finding in inspect_samples(result.samples, table=False):
+            result.failures.append(explain_axle(axle, result.signals, configuration))
+    for finding in inspect_samples(result.samples, table=False, vehicle=configuration.vehicle):
         is_wrong = finding.fatal and not configuration.assume_plausible
         (result.failures if is_wrong else result.warnings).append(finding.sentence)
 
@@ -360,8 +366,7 @@ def _check_excitation(result: CheckResult, configuration: Configuration) -> None
     if result.misfit is not None:
         return
     if not len(result.samples):
-        reasons = ", ".join(f"{why} ({n})" for why, n in result.dropped.items()) or "no data"
-        result.failures.append(f"no sample could be formed: {reasons}")
+        result.failures += explain_no_samples(result.dropped, result.signals, configuration)
         return
     if result.fit is None:
         result.failures.append("every sample lies outside the slip range of the curve")

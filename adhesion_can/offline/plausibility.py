@@ -1,6 +1,7 @@
 """A look at slip and adhesion before anything is fitted: signs, units, stuck and repeated rows."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +14,12 @@ from adhesion_can.offline.consistency import (
     inspect_derived_force,
 )
 from adhesion_can.offline.finding import Finding
+from adhesion_can.offline.inertia import inertial_adhesion, is_inertial
 from adhesion_can.offline.points import LEAST_ROWS, Points
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, known_ratio, slips_of_samples
 from adhesion_can.offline.signs import inspect_missing_sign, inspect_signs
 from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.vehicle import Locomotive
 
 SLIP_LIMIT, ADHESION_LIMIT, LEAST_ADHESION = 1.5, 3.0, 0.003
 """Sizes of slip (95 % of the rows) and adhesion (99 %) beyond which, and size of the adhesion below
@@ -80,18 +83,23 @@ def _inspect_moving(points: Points) -> list[Finding]:
     return found
 
 
-def inspect_samples(samples: Samples, *, table: bool, timed: bool = True) -> list[Finding]:
+def inspect_samples(
+    samples: Samples, *, table: bool, timed: bool = True, vehicle: Locomotive | None = None
+) -> list[Finding]:
     """What is odd about samples: those of a table together, those of a recording axle by axle.
 
     Args:
         samples: Samples of one table or recording.
         table: Whether they are of a table; a speed or a load of 1 means a missing column.
         timed: Whether the rows have times.
+        vehicle: Configured vehicle, where the samples are of a recording.
 
     """
     axles = np.unique(samples.axle)
     if not table:
-        of_axles = [one for k in axles for one in inspect_points(_points_of(samples, int(k)))]
+        of_axles = [
+            one for k in axles for one in inspect_points(_points_of(samples, int(k), vehicle))
+        ]
         return [*inspect_rim_speeds(slips_of_samples(samples)), *of_axles]
     return inspect_points(
         Points(
@@ -104,12 +112,16 @@ def inspect_samples(samples: Samples, *, table: bool, timed: bool = True) -> lis
     )
 
 
-def _points_of(samples: Samples, axle: int) -> Points:
+def _points_of(samples: Samples, axle: int, vehicle: Locomotive | None) -> Points:
     """Rows of one axle of a recording."""
     own = samples.select(samples.axle == axle)
-    return Points(
+    points = Points(
         own.slip, own.adhesion, own.t_us, own.speed, own.load, table=False, name=f"axle {axle}"
     )
+    if vehicle is None:
+        return points
+    inertial = inertial_adhesion(own, vehicle)
+    return replace(points, inertial=inertial, inertia=vehicle.wheelset_inertia)
 
 
 def stands_still(slip: Array) -> NDArray[np.bool_]:
@@ -128,10 +140,13 @@ def _standing(points: Points) -> Iterator[Finding]:
     unbraked = at_rest & (points.adhesion > -ROLLING_ADHESION)
     if points.table or int(unbraked.sum()) < LEAST_ROWS:
         return
+    instead = "cut the recording where the sensor fails"
+    if at_rest.all():
+        instead = "remove the roles of this axle"
     yield Finding(
         f"the wheel does not turn while the vehicle moves, in {int(at_rest.sum())} of "
         f"{len(at_rest)} samples",
-        "repair its speed sensor, or cut the recording where the sensor fails",
+        f"repair its speed sensor, or {instead}",
         fatal=float(at_rest.mean()) >= MOST_STANDING,
     )
 
@@ -194,7 +209,13 @@ def _adhesion_size(points: Points) -> Iterator[Finding]:
         elif points.table:
             fix = "if it is in percent, pass --column adhesion=adhesion,unit=percent"
         what = f"the adhesion reaches {size:.4g}"
-        if size <= RACING_ADHESION:
+        if is_inertial(points):
+            what += (
+                f", most of it wheelset_inertia_kgm2 = {points.inertia:g} times the angular "
+                "acceleration"
+            )
+            fix = "correct the inertia in [vehicle], kg m^2"
+        elif size <= RACING_ADHESION:
             what += ", which only a racing tyre reaches"
         yield Finding(what, fix)
     elif by_force and 0.0 < size < LEAST_ADHESION:

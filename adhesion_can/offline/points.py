@@ -23,6 +23,9 @@ class Points:
         load: Axle load, N; None where it is not known.
         table: Whether the rows are of a table, whose columns can be renamed.
         name: Name of the axle, for sentences; '' where it needs none.
+        inertial: Part of the adhesion that the configured inertia of the wheelset takes, with its
+            sign; None where it is not known.
+        inertia: That inertia, kg·m².
 
     """
 
@@ -33,12 +36,15 @@ class Points:
     load: Array | None = None
     table: bool = True
     name: str = ""
+    inertial: Array | None = None
+    inertia: float = 0.0
 
     def select(self, rows: NDArray[np.bool_]) -> "Points":
         """Some of the rows."""
         t_us = None if self.t_us is None else self.t_us[rows]
         speed = None if self.speed is None else self.speed[rows]
         load = None if self.load is None else self.load[rows]
+        inertial = None if self.inertial is None else self.inertial[rows]
         return replace(
             self,
             slip=self.slip[rows],
@@ -46,4 +52,5 @@ class Points:
             t_us=t_us,
             speed=speed,
             load=load,
+            inertial=inertial,
         )

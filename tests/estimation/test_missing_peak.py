@@ -34,6 +34,28 @@ def test_the_reason_is_that_of_the_samples(samples, why):
     assert peak_cells(segment.estimate) == (NOT_SHOWN, NOT_SHOWN)
 
 
+def with_adhesion(samples, adhesion):
+    return Samples.curve(samples.slip, adhesion, samples.t_us)
+
+
+def test_a_reversed_sign_is_no_coasting():
+    found = samples_of(0.2)
+    (segment,) = identify(with_adhesion(found, -found.adhesion)).segments
+    assert "the adhesion is opposite to the slip, -0.3" in segment.missing.clause
+    assert "check the signs of effort and speeds" in segment.missing.clause
+    assert "coasts" not in segment.missing.clause
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_large_adhesions_of_both_signs_are_no_coasting(seed):
+    """As a wrong inertia gives them: the mean is small, the values are not."""
+    found = samples_of(0.2)
+    noise = 24.0 * np.random.default_rng(seed).standard_normal(len(found))
+    (segment,) = identify(with_adhesion(found, noise)).segments
+    assert "coasts" not in segment.missing.clause
+    assert "opposite" not in segment.missing.clause
+
+
 def test_the_height_may_be_shown_and_the_place_not():
     """Slips to 0.08 are enough for the height of a peak at 0.073."""
     (segment,) = identify(samples_of(0.08, noise=0.02)).segments

@@ -191,3 +191,24 @@ def test_axles_that_share_an_effort_cannot_move_by_themselves(tmp_path):
     load_configuration(path).require_identification()
     with pytest.raises(ConfigError, match=r"tractive_effort\.1 and tractive_effort\.2 share"):
         simulate("dry", 1.0, configuration=path)
+
+
+def test_everything_that_cannot_be_simulated_is_reported_at_once(tmp_path):
+    path = own(tmp_path)
+    text = path.read_text()
+    for axle, source in ((1, 1), (2, 1), (3, 3), (4, 3)):
+        shared = f'{{ signal = "Bogie{source}.Force{source}", factor = 0.5 }}'
+        text = text.replace(f'= "Bogie{axle}.Force{axle}"', f"= {shared}")
+    path.write_text(text)
+    database = tmp_path / "own.dbc"
+    silent = database.read_text()
+    for axle in AXLES:
+        silent = silent.replace(f'BA_ "GenMsgCycleTime" BO_ {1296 + axle} 10;\n', "")
+    database.write_text(silent.replace('"GenMsgCycleTime" 20', '"GenMsgCycleTime" 0'))
+    with pytest.raises(ConfigError) as error:
+        simulate("dry", 1.0, configuration=path)
+    said = str(error.value)
+    assert "(1) tractive_effort.1 and tractive_effort.2 share Bogie1.Force1, " in said
+    assert "tractive_effort.3 and tractive_effort.4 share Bogie3.Force3, and the" in said
+    assert "(2) the cycles of Odo, Bogie1, Bogie2, Bogie3, Bogie4 are unknown; (1) map one" in said
+    assert said.endswith("(2) write cycle_ms at their roles, or GenMsgCycleTime in the database")
