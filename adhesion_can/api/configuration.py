@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from adhesion_can.config.configuration import Configuration
+from adhesion_can.config.decimal_comma import decimal_commas_named
 from adhesion_can.config.load import load_configuration as _load_file
 from adhesion_can.config.model_file import read_model
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -33,9 +34,9 @@ def load_configuration(
         6
 
     """
-    configuration = _load_file(
-        None if path is None else Path(path), None if dbc is None else Path(dbc)
-    )
+    file = None if path is None else Path(path)
+    with decimal_commas_named(file):
+        configuration = _load_file(file, None if dbc is None else Path(dbc))
     return _with_model(configuration, model)
 
 

@@ -101,10 +101,12 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 def configuration(options: argparse.Namespace) -> "Configuration":
     """Configuration that the options name, with the extended model where one is named."""
     from adhesion_can.config import load_configuration  # noqa: PLC0415  `convert` needs none
+    from adhesion_can.config.decimal_comma import decimal_commas_named  # noqa: PLC0415
 
     lenient = getattr(options, "lenient", False)
     require_database(options.dbc)
-    config = load_configuration(options.config, options.dbc, lenient=lenient)
+    with decimal_commas_named(options.config):
+        config = load_configuration(options.config, options.dbc, lenient=lenient)
     tell_left_out(config.database)
     stated = getattr(options, "column", [])
     if stated:

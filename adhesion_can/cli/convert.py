@@ -15,6 +15,7 @@ from adhesion_can.bus.database import CanDatabase, load_database
 from adhesion_can.cli.common import (
     add_json,
     add_lenient,
+    require_database,
     require_outputs,
     talk,
     tell_left_out,
@@ -126,6 +127,7 @@ def run(options: argparse.Namespace) -> int:
         keep_formulas=options.csv_formulas == "keep",
     )
     _require_outputs(options, target)
+    require_database(options.dbc)
     database = load_database(options.dbc, lenient=options.lenient)
     tell_left_out(database)
     chosen = SignalFilter(database, options.signals)

@@ -13,6 +13,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from adhesion_can.config.decimal_comma import decimal_commas_named
 from adhesion_can.config.toml_tables import (
     array_of_tables,
     load_toml,
@@ -37,7 +38,8 @@ def read_plan(path: Path) -> DrivingPlan:
             limits.
 
     """
-    document, _ = load_toml(path)
+    with decimal_commas_named(path):
+        document, _ = load_toml(path)
     return plan_of(document, path.name)
 
 
