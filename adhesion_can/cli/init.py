@@ -52,7 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Writes a commented configuration for --config. Roles are guessed from names, units and "
         "ranges and value tables; where two signals fit a role about equally well, where motors or "
         "bogies have several axles, and where a needed role has no clear signal, you are asked. "
-        "What stays open is commented out, or says 'fill in'."
+        "What stays open is commented out, or says 'fill in'. Where axles share a motor, a second "
+        "file with one axle of each is offered for 'simulate', beside --out."
     )
     parser.add_argument("--dbc", type=Path, required=True, metavar="F", help="CAN database")
     parser.add_argument(
