@@ -21,7 +21,7 @@ from adhesion_can.bus.database import (
 )
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.j1939 import IdFilter
-from adhesion_can.bus.output_values import status_in, theta_in
+from adhesion_can.bus.output_values import objection_in, status_in, theta_in
 from adhesion_can.bus.protected_message import ProtectedMessage
 from adhesion_can.bus.receiver import Receiver
 from adhesion_can.bus.rejection import Rejection
@@ -209,7 +209,8 @@ class ControllerOnBus:
             status = status_in(values)
             self.advice = replace(self.advice, status=status, lambda_m=values["LambdaM"])
         elif name == "AdhesionModel":
-            self.advice = replace(self.advice, theta=theta_in(values))
+            objection = objection_in(values)
+            self.advice = replace(self.advice, theta=theta_in(values), objection=objection)
         elif name == "AdhesionQuality":
             doubt = _doubt_in(values)
             self.advice = replace(self.advice, doubt=doubt, lambda_m_std=values["LambdaMStd"])

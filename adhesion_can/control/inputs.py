@@ -14,6 +14,7 @@ from adhesion_can.physics.burckhardt import (
     slip_at_share,
 )
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 
 LEAST_ADHESION = 1e-3
@@ -51,6 +52,7 @@ class Advice:
         lambda_m_std: Standard deviation of `lambda_m`.
         theta: Curve parameters (c1, c2, c3).
         axles: Slip ratio of the peak by axle number.
+        objection: What the readings cannot be.
 
     """
 
@@ -60,15 +62,21 @@ class Advice:
     lambda_m_std: float | None = None
     theta: CurveParameters | None = None
     axles: Mapping[int, float] = field(default_factory=dict)
+    objection: Objection = Objection.NONE
 
     def trusted_curve(self, largest_std: float) -> "KnownCurve | None":
         """Curve of the surface, where the service states it and nothing speaks against it.
+
+        A doubt that is not available (too few data to test the curve) does not: the controller
+        holds a curve only where its own search agrees with it.
 
         Args:
             largest_std: Largest relative standard deviation of λ_m.
 
         """
         if self.status not in (Status.TRACKING, Status.LOW_EXCITATION):
+            return None
+        if self.objection is not Objection.NONE:
             return None
         if self.doubt not in (Doubt.NONE, Doubt.NOT_AVAILABLE):
             return None

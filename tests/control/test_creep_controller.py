@@ -1,11 +1,14 @@
 """The reference controller on wheelsets and rails of other code, with and without a service."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from adhesion_can.control.creep_controller import CreepController, Mode
 from adhesion_can.control.inputs import Advice
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 from tests.control.driving import DRY, GREASY, STEEP, SURFACES, constant, drive, peak_of
@@ -21,6 +24,7 @@ def advice_for(theta, lambda_m, *, std=0.02, status=Status.TRACKING, doubt=Doubt
 
 
 DRY_THETA, DRY_PEAK = (0.4, 60.0, 0.3), 0.0730
+TRUSTED = Advice(Status.TRACKING, Doubt.NONE, DRY_PEAK, 0.02 * DRY_PEAK, DRY_THETA)
 
 
 @pytest.mark.parametrize("name", SURFACES)
@@ -111,6 +115,7 @@ def test_a_curve_that_turns_wrong_while_it_is_held_is_given_up():
         advice_for(DRY_THETA, DRY_PEAK, status=Status.FAULT),
         advice_for(DRY_THETA, DRY_PEAK, doubt=Doubt.SPEED),
         advice_for(DRY_THETA, DRY_PEAK, std=0.5),
+        lambda _: replace(TRUSTED, objection=Objection.SPEED_JUMP),
         lambda _: Advice(Status.TRACKING, Doubt.NONE, None, None, None),
     ],
 )

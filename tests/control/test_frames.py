@@ -11,6 +11,7 @@ from adhesion_can.control.frames import ControllerOnBus, build_reference
 from adhesion_can.control.inputs import Advice
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation
@@ -135,11 +136,11 @@ def test_the_last_frames_demand_nothing():
     assert np.isnan(efforts(controller.stop(5))).all()
 
 
-def setpoint_frames(status, doubt, c1=0.4):
+def setpoint_frames(status, doubt, c1=0.4, objection=0):
     values = {
         "AdhesionSetpoint": {"Status": status, "LambdaM": 0.07, "MuMax": 0.37,
                              "CreepSpeedSetpoint": 0.5},
-        "AdhesionModel": {"C1": c1, "C2": 60.0, "C3": 0.3},
+        "AdhesionModel": {"Objection": objection, "C1": c1, "C2": 60.0, "C3": 0.3},
         "AdhesionQuality": {"Doubt": doubt, "MuMaxStd": 0.001, "LambdaMStd": 0.002,
                             "SurfaceAge": 3.0},
         "AxleSetpoint": {"Axle": 2, "MuMax_Ax2": 0.36, "LambdaM_Ax2": 0.068,
@@ -152,10 +153,11 @@ def setpoint_frames(status, doubt, c1=0.4):
 
 def test_the_messages_of_the_service_become_advice():
     controller = ControllerOnBus(load_configuration())
-    for frame in setpoint_frames(2, 3):
+    for frame in setpoint_frames(2, 3, objection=5):
         assert controller.feed(frame) == []
     advice = controller.advice
     assert (advice.status, advice.doubt) == (Status.LOW_EXCITATION, Doubt.AXLE_LOAD)
+    assert advice.objection is Objection.SPEED_DEVIATES
     assert advice.lambda_m == pytest.approx(0.07)
     assert advice.lambda_m_std == pytest.approx(0.002)
     assert advice.theta == pytest.approx((0.4, 60.0, 0.3))
