@@ -35,6 +35,7 @@ from adhesion_can.recordings.tables.sample_table import is_table, read_table
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
 from adhesion_can.reporting.next_steps.next_step import Typed
 from adhesion_can.sampling.drive_signals import DriveSignals
+from adhesion_can.simulation.plan_limits import limits_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,8 @@ def diagnose(
             '1 + a * max(wind - b, 0) where a=0.1, b=5': the factor of the adhesion, or
             of a reading over its true value, with 'speed:' or 'effort:' in front.
         next_drive: Whether the drive is computed that would distinguish the remaining explanations,
-            within `[limits]` of the configuration.
+            within `[limits]` of the configuration, the vehicle's loads and the ranges of its
+            signals.
         witness: Whether named causes must also remove the service's doubt on the longest recording;
             a fifth of the time more.
         show: Callback with the work in progress and the share that is done.
@@ -96,7 +98,8 @@ def diagnose(
     texts = tuple(formulas)
     asked = read_formulas(texts)
     loaded = load_inputs(files, config, progress)
-    limits = config.limits if next_drive else None
+    own = limits_of(config.vehicle, config.limits, config.messages) if next_drive else None
+    limits = own.limits if own else None
     found = diagnose_inputs(
         loaded, progress, asked, limits=limits, witness=config if witness else None
     )

@@ -48,6 +48,7 @@ from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
+from adhesion_can.simulation.plan_limits import limits_of
 from adhesion_can.version import __version__
 
 
@@ -115,14 +116,18 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
     _require_outputs(options, config)
-    formulas = read_formulas(options.formula)
+    formulas, planned = read_formulas(options.formula), options.next_drive is not None
     input_files = list_input_files(options.inputs, options.holdout, config.columns)
     with _progress() as show:
         spans = spans_of_a_drive(len(input_files)) if is_asked_for(options) else 0
         loaded = load_inputs(input_files, config, show, spans)
-        limits = None if options.next_drive is None else config.limits
+        sourced = limits_of(config.vehicle, config.limits, config.messages) if planned else None
         found = diagnose_inputs(
-            loaded, show, formulas, limits=limits, witness=config if options.witness else None
+            loaded,
+            show,
+            formulas,
+            limits=sourced.limits if sourced else None,
+            witness=config if options.witness else None,
         )
     is_table = any(read.drive.table for read in loaded)
     step = after_diagnosis(found, typed_words(options, options.inputs, tables=is_table), config)
@@ -142,10 +147,10 @@ def run(options: argparse.Namespace) -> int:
         if found.model is not None:
             write_model(_with_provenance(found.model, found, command), options.extended)
             written.append(options.extended)
-    if options.next_drive is not None:
+    if sourced is not None:
         plan = None if found.next_drive is None else found.next_drive.plan
         if plan is not None:
-            write_plan(plan, options.next_drive)
+            write_plan(plan, options.next_drive, sourced.sources_of(plan.limits))
             written.append(options.next_drive)
         else:
             problems.append(f"--next-drive {options.next_drive}: not written, there is no plan")

@@ -152,7 +152,7 @@ def _show(options: argparse.Namespace, config: Configuration, make_app: _AppMake
             session.toggle_recording(options.record)
         if make_app is not None:
             return make_app(session, options.duration)
-        write_lines(options, session, source)
+        write_lines(options, session, source, config)
     return 0
 
 

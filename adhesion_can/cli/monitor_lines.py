@@ -15,6 +15,8 @@ from typing import TextIO
 from adhesion_can.cli.common import finite, talk
 from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.cli.monitor_source import Source
+from adhesion_can.cli.silence import SilenceWatch, nothing_received
+from adhesion_can.config import Configuration
 from adhesion_can.files import whole_file
 from adhesion_can.monitoring.snapshot import Snapshot
 from adhesion_can.printable import say
@@ -24,10 +26,25 @@ LOOK_S = 0.05
 """Time between two looks at whether a line is due, or the end is asked for, s."""
 
 
-def write_lines(options: argparse.Namespace, session: MonitorSession, source: Source) -> None:
-    """Lines at even times until the end of the recording, of the duration, or Ctrl-C."""
+def write_lines(
+    options: argparse.Namespace, session: MonitorSession, source: Source, config: Configuration
+) -> None:
+    """Lines at even times until the end of the recording, of the duration, or Ctrl-C.
+
+    If nothing comes on a bus, that is said once on stderr with what was waited for.
+
+    Args:
+        options: Options of the command.
+        session: What is shown.
+        source: Source of the frames.
+        config: Configuration whose messages are waited for.
+
+    """
+    silence = SilenceWatch(nothing_received(config, source.transport().name), say)
     with _asked_to_stop() as stop, _json_file(options.json) as file:
         for snapshot in _snapshots(options, session, source, stop):
+            if session.log is None:
+                silence.look(heard=snapshot.frames > 0)
             if talk(options):
                 say(plain_line(snapshot), sys.stdout)
             if file is not None:

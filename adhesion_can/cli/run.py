@@ -27,7 +27,7 @@ from adhesion_can.cli.common import (
 )
 from adhesion_can.cli.extras_of_run import listening_address, read_secoc, serve_metrics
 from adhesion_can.cli.narrator import FORMATS, Narrator
-from adhesion_can.cli.silence import SilenceWatch, bus_name
+from adhesion_can.cli.silence import SilenceWatch, bus_name, name_inputs, nothing_received
 from adhesion_can.cli.stderr_behind import stderr_behind
 from adhesion_can.config import Configuration
 from adhesion_can.reporting.provenance import provenance
@@ -43,9 +43,6 @@ from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_file import read_state
 from adhesion_can.service.written_behind import WrittenBehind, longest_end_s
-
-SHOWN_MESSAGES = 3
-"""Number of messages that are named where nothing is received."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -153,7 +150,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         stack.callback(bus.shutdown)
         log = outputs.log(options.log) if options.log else None
         name = bus_name(options, bus.channel_info)
-        silence = _watch_for_silence(config, name, narrator.warn)
+        silence = SilenceWatch(nothing_received(config, name), narrator.warn)
         service = LiveService(
             core,
             bus,
@@ -205,7 +202,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
     is_deaf = ran_out and not counters["received"]
     if is_deaf:
         narrator.warn(
-            f"no frame of {_messages(config)} came in {options.duration:g} s on {name}: "
+            f"no frame of {name_inputs(config)} came in {options.duration:g} s on {name}: "
             "nothing was identified; check the bus, the bitrate and [roles]"
         )
     return _Ending(outputs.all_ended and json_written, 1 if is_deaf else 0)
@@ -230,23 +227,6 @@ def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: 
     for number in (signal.SIGUSR1, signal.SIGUSR2):
         # They mean nothing here; by default each ends the process without last frames.
         signal.signal(number, signal.SIG_IGN)
-
-
-def _watch_for_silence(
-    config: Configuration, bus: str, notify: Callable[[str], None]
-) -> SilenceWatch:
-    sentence = (
-        f"nothing received on {bus} yet: is this the vehicle's bus, and does it carry "
-        f"{_messages(config)}? (candump or python -m can.viewer shows it)"
-    )
-    return SilenceWatch(sentence, notify)
-
-
-def _messages(config: Configuration) -> str:
-    """Names of the messages that the configuration reads; of many only the first ones."""
-    plans = [message.plan for message in config.messages]
-    named = ", ".join(f"{plan.name} {plan.frame_id:#x}" for plan in plans[:SHOWN_MESSAGES])
-    return named + (", .." if len(plans) > SHOWN_MESSAGES else "")
 
 
 def _look_around(manager: ServiceManager, silence: SilenceWatch, service: LiveService) -> None:

@@ -4,8 +4,12 @@ import argparse
 import time
 from collections.abc import Callable
 
+from adhesion_can.config import Configuration
+
 SILENT_S = 2.0
 """Time without a frame after which it is said, s; every cyclic message comes sooner."""
+SHOWN_MESSAGES = 3
+"""Number of messages that are named where nothing is received."""
 UNNAMED = ("unknown", "closed")
 """What python-can calls a bus that does not name itself, and we one that is not open yet."""
 
@@ -52,3 +56,18 @@ def bus_name(options: argparse.Namespace, channel_info: str) -> str:
         return channel_info
     words = (getattr(options, "interface", None), getattr(options, "channel", None))
     return " ".join(str(word) for word in words if word) or channel_info
+
+
+def nothing_received(config: Configuration, bus: str) -> str:
+    """Sentence that nothing came on a bus, and what was waited for."""
+    return (
+        f"nothing received on {bus} yet: is this the vehicle's bus, and does it carry "
+        f"{name_inputs(config)}? (candump or python -m can.viewer shows it)"
+    )
+
+
+def name_inputs(config: Configuration) -> str:
+    """Names of the messages that the configuration reads; of many only the first ones."""
+    plans = [message.plan for message in config.messages]
+    named = ", ".join(f"{plan.name} {plan.frame_id:#x}" for plan in plans[:SHOWN_MESSAGES])
+    return named + (", .." if len(plans) > SHOWN_MESSAGES else "")

@@ -4,11 +4,12 @@ purpose = "which of A and B holds"
 start_speed = 10.0          # m/s
 curve = [0.37, 60.0, 0.26]  # c1, c2, c3 of the expected curve
 bandwidth_share = 1.0       # of the creep speed control's
-[limits]                    # those of the configuration that the plan respects
+[limits]                    # those that the plan respects, and where each comes from
 [[step]]                    # duration_s, mode; slip, period_s, stagger, axles, sand
 [[prediction]]              # name, predicts
 """
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -81,19 +82,24 @@ def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
 # ------------------------------------------------------------------------------------ writing
 
 
-def write_plan(plan: DrivingPlan, path: Path) -> None:
+def write_plan(plan: DrivingPlan, path: Path, sources: Mapping[str, str] | None = None) -> None:
     """Write a plan where `read_plan` finds it; whole or not at all.
+
+    Args:
+        plan: Plan.
+        path: File to write.
+        sources: Where each limit comes from, by its key: comments of the file.
 
     Raises:
         InputError: The folder does not exist or cannot be written to.
 
     """
     with whole_file(path) as file:
-        file.write(plan_text(plan))
+        file.write(plan_text(plan, sources))
 
 
-def plan_text(plan: DrivingPlan) -> str:
-    """Text of a plan's file."""
+def plan_text(plan: DrivingPlan, sources: Mapping[str, str] | None = None) -> str:
+    """Text of a plan's file, with comments on where its limits come from."""
     lines = [
         "# A driving plan of adhesion-can: for control --plan and simulate --closed-loop --plan.",
         f"purpose = {_value(plan.purpose)}",
@@ -102,7 +108,7 @@ def plan_text(plan: DrivingPlan) -> str:
         f"bandwidth_share = {_value(plan.bandwidth_share)}",
         "",
         "[limits]",
-        *_keys(plan.limits),
+        *_keys(plan.limits, {key: f"  # {text}" for key, text in (sources or {}).items()}),
     ]
     for key, values in (("step", plan.steps), ("prediction", plan.predictions)):
         for value in values:
@@ -110,8 +116,12 @@ def plan_text(plan: DrivingPlan) -> str:
     return "\n".join([*lines, ""])
 
 
-def _keys(value: PlanLimits | PlanStep | Prediction) -> list[str]:
-    return [f"{field.name} = {_value(getattr(value, field.name))}" for field in fields(value)]
+def _keys(
+    value: PlanLimits | PlanStep | Prediction, comments: Mapping[str, str] | None = None
+) -> list[str]:
+    names = [field.name for field in fields(value)]
+    ends = comments or {}
+    return [f"{name} = {_value(getattr(value, name))}{ends.get(name, '')}" for name in names]
 
 
 def _value(value: float | str | tuple[float | int, ...]) -> str:

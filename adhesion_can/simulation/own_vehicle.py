@@ -84,12 +84,12 @@ def drive_of(
     largest = min(usual.effort_max * vehicle.relative_load, limits.effort_max)
     traction = braking = largest
     notes: tuple[str, ...] = ()
-    for found in _ranges(messages, Role.TRACTIVE_EFFORT):
+    for found in effort_ranges(messages):
         if (room := found.high - NOISE_ROOM * noise.effort) < traction:
             traction, notes = room, (_describe_limit(found, room, vehicle),)
         braking = min(braking, max(-found.low - NOISE_ROOM * noise.effort, 0.0))
         if not traction > 0:
-            raise _no_room(found.signal, "traction")
+            raise no_room_error(found.signal, "traction")
     settings = replace(
         usual,
         gain=usual.gain * inertia,
@@ -132,13 +132,15 @@ def scenario_of(
             f"with {vehicle.train_mass / 1e3:.3g} t (train_mass_kg) the train would not keep the "
             "scenario's speeds"
         )
-    fastest, reason = limits.speed_max, "speed_max in [limits]"
-    for found in _speed_ranges(vehicle, messages, slip_high):
+    fastest = limits.speed_max
+    is_default = fastest == PlanLimits().speed_max
+    reason = f"speed_max {'(default of [limits])' if is_default else 'in [limits]'}"
+    for found in speed_ranges(vehicle, messages, slip_high):
         if found.high < fastest:
             signal = found.signal
-            fastest, reason = found.high, f"the range of {signal.name} ({_ends(signal)})"
+            fastest, reason = found.high, f"the range of {signal.name} ({describe_ends(signal)})"
             if fastest / scenario.top_speed * scenario.speed < SLOWEST_RUN:
-                raise _no_room(signal, f"a mean speed of {3.6 * SLOWEST_RUN:g} km/h")
+                raise no_room_error(signal, f"a mean speed of {3.6 * SLOWEST_RUN:g} km/h")
     pace = fastest / scenario.top_speed
     if pace >= 1.0:
         return scenario, tuple(notes)
@@ -161,10 +163,22 @@ def _ranges(messages: Sequence[BoundMessage], role: Role) -> Iterator[Range]:
                 yield signal_range(signal)
 
 
-def _speed_ranges(
+def effort_ranges(messages: Sequence[BoundMessage]) -> Iterator[Range]:
+    """Range of each effort signal, N."""
+    return _ranges(messages, Role.TRACTIVE_EFFORT)
+
+
+def speed_ranges(
     vehicle: Locomotive, messages: Sequence[BoundMessage], slip_high: float
 ) -> Iterator[Range]:
-    """Range of the vehicle speed that each speed signal has room for."""
+    """Range of the vehicle speed that each speed signal has room for, m/s.
+
+    Args:
+        vehicle: Configured vehicle.
+        messages: Input messages with the ranges of their signals.
+        slip_high: Largest slip ratio of the wheels.
+
+    """
     noise = NoiseSettings()
     for found in _ranges(messages, Role.VEHICLE_SPEED):
         yield found._replace(high=found.high - NOISE_ROOM * noise.vehicle_speed)
@@ -178,12 +192,13 @@ def _describe_limit(found: Range, effort: float, vehicle: Locomotive) -> str:
     share = effort / fmean(vehicle.axle_load)
     return (
         f"efforts are up to {effort / 1e3:.3g} kN, by the range of {signal.name} "
-        f"({_ends(signal)}): an adhesion of {share:.2f}; a surface with a higher peak does not "
-        "show it"
+        f"({describe_ends(signal)}): an adhesion of {share:.2f}; a surface with a higher peak does "
+        "not show it"
     )
 
 
-def _ends(signal: BoundSignal) -> str:
+def describe_ends(signal: BoundSignal) -> str:
+    """Ends of a signal's range in its own unit, for a reader."""
     low, high = signal.plan.sendable
     return f"{low:g} to {high:g} in the database"
 
@@ -202,9 +217,10 @@ def _too_light(scenario: Scenario, vehicle: Locomotive) -> InputError:
     )
 
 
-def _no_room(signal: BoundSignal, what: str) -> InputError:
+def no_room_error(signal: BoundSignal, what: str) -> InputError:
+    """Error of a signal whose range has no room for what a drive needs."""
     return InputError(
         f"roles.{signal.name}",
-        f"{signal.plan.name} has no room for {what}: its range is {_ends(signal)}",
+        f"{signal.plan.name} has no room for {what}: its range is {describe_ends(signal)}",
         "correct the range, the unit of the role or its sign",
     )

@@ -48,6 +48,15 @@ def test_run_says_what_it_listens_for_and_that_nothing_came(capsys):
     assert "came in 2.4 s on Virtual bus channel silent: nothing was identified" in said
 
 
+def test_monitor_in_lines_says_once_that_nothing_came(capsys):
+    words = ["monitor", "-i", "virtual", "-c", "mute", "--plain", "--every", "0.5"]
+    assert main([*words, "--duration", "4"]) == 0
+    lines, said = capsys.readouterr()
+    assert set(lines.splitlines()) == {"0.0 s  nothing received yet"}
+    assert said.count("nothing received on Virtual bus channel mute yet: is this") == 1
+    assert "does it carry WheelSpeeds1 0x101" in said
+
+
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_closed_loop_that_nobody_answers_says_so(capsys, closed):
     words = ["simulate", "--scenario", "dry", "--duration", "2.3", "-i", "virtual", "-c", "alone2"]

@@ -49,6 +49,15 @@ def test_a_plan_is_read_as_it_was_written(plan, tmp_path_factory):
     assert read_plan(path) == plan
 
 
+def test_the_file_says_where_limits_come_from_and_is_read_all_the_same(tmp_path):
+    plan = DrivingPlan((PlanStep(2.0, "coast"),), 10.0, limits=PlanLimits(effort_max=5e4))
+    path = tmp_path / "plan.toml"
+    write_plan(plan, path, {"effort_max": "0.49 of the mean axle load", "sand": "[limits]"})
+    assert "\neffort_max = 50000.0  # 0.49 of the mean axle load\n" in path.read_text()
+    assert "\nsand = true  # [limits]\n" in path.read_text()
+    assert read_plan(path) == plan
+
+
 GOOD = plan_text(DrivingPlan((PlanStep(2.0, "traction", (0.0, 0.1)),), 10.0))
 
 

@@ -79,6 +79,17 @@ def test_what_an_explanation_predicts_leaves_it_no_residual(one):
     assert slip.max() == pytest.approx(0.14, abs=0.01)
 
 
+def test_axles_that_coast_before_a_pull_use_no_adhesion():
+    """The slips of the next step do not begin in the one before."""
+    drive = predict_drive((COAST, TRACTION, COAST), START, SETTING, FALL)
+    (data,) = drive.data.drives
+    seen = data.observe()
+    first = drive.step == 0
+    assert first.any()
+    assert np.abs(seen.slip[first]).max() < 1e-9
+    assert np.abs(seen.adhesion[first]).max() < 1e-6
+
+
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: f"{effect.id} {effect.form}")
 def test_every_effect_of_the_library_can_be_planned_with(effect):
     """Some instruments need more of a drive than its rows, such as the efforts of all axles."""

@@ -13,8 +13,11 @@ from adhesion_can.bus.receiver import Receiver
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError, InputError
+from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.readings import Role
+from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import DriveSettings
+from adhesion_can.simulation.own_vehicle import scenario_of
 from adhesion_can.simulation.scenarios import SCENARIOS
 from adhesion_can.simulation.sensors import NoiseSettings
 
@@ -133,6 +136,12 @@ def test_speeds_are_limited_by_the_configuration(tmp_path):
     speeds = readings(drive.frames, load_configuration(path))[Role.VEHICLE_SPEED, 0]
     assert 3.0 < np.mean(speeds) < speeds.max() < 8.0
     assert any("by speed_max in [limits]" in note for note in drive.truth["notes"])
+
+
+def test_a_limit_that_nobody_wrote_is_called_a_default():
+    fast, (note,) = scenario_of(SCENARIOS[0].at_pace(2.0), Locomotive(), PlanLimits(), (), 0.2)
+    assert fast.top_speed == pytest.approx(PlanLimits().speed_max)
+    assert note.endswith("up to 90 km/h, by speed_max (default of [limits])")
 
 
 def test_an_effort_without_a_sign_is_never_below_0(tmp_path):

@@ -32,6 +32,9 @@ SMOOTH_S = 0.4
 SETTLE_S = 0.8
 """Time after the start of a step whose rows do not count, s: how the axles get to the slips of the
 step is the controller's matter."""
+AHEAD_S = SMOOTH_S / 2
+"""The same before its end, s: there the smoothed slips already go over to those of the next step,
+which no controller knows beforehand."""
 ITERATIONS, LEAST_RESIDUAL = 10, 1e-7
 """Most repetitions of the efforts, which effects of the slip work and errors of the vehicle speed
 with the effort depend on, and the adhesion that may be left of them."""
@@ -89,7 +92,9 @@ def predict_drive(
     speed = _integrate_speed(slip, start.speed, setting, explanation.model)
     time_s = start.time_s + grid
     since_s = grid - grid[np.searchsorted(number, number)]
-    drive, rows = _build_drive(time_s, since_s, slip, speed, sand, setting)
+    left_s = grid[np.searchsorted(number, number, side="right") - 1] - grid
+    counts = (since_s >= SETTLE_S) & (left_s >= AHEAD_S)
+    drive, rows = _build_drive(time_s, counts, slip, speed, sand, setting)
     data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
     data = _with_efforts(data, explanation.model)
     load = setting.load[drive.axle - 1]
@@ -149,7 +154,7 @@ def _integrate_speed(slip: Array, begin: float, setting: DriveSetting, model: Mo
 
 def _build_drive(
     time_s: Array,
-    since_s: Array,
+    counts: NDArray[np.bool_],
     slip: Array,
     speed: Array,
     sand: Array,
@@ -159,7 +164,7 @@ def _build_drive(
 
     Args:
         time_s: Times of the grid, s, shape (n,).
-        since_s: Time since the start of the step, s, shape (n,).
+        counts: Whether a row at that time counts, shape (n,).
         slip: Slip ratios, shape (n, axles).
         speed: Vehicle speed, m/s, shape (n,).
         sand: Whether sand is strewn, 0 or 1, shape (n,).
@@ -187,7 +192,7 @@ def _build_drive(
         vehicle,
     )
     rows = np.arange(0, len(time_s), max(round(setting.cycle_s / STEP_S), 1))
-    rows = rows[since_s[rows] >= SETTLE_S]
+    rows = rows[counts[rows]]
     axle = np.repeat(np.arange(1, axles + 1), len(rows))
     t_s = np.tile(time_s[rows], axles)
     covariates = {name: np.full(len(t_s), mean) for name, mean in setting.covariates.items()}

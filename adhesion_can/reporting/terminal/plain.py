@@ -11,6 +11,8 @@ def plain_line(snapshot: Snapshot) -> str:
     """One line: time, status, peak, creep setpoint, speed, slips, and what is in trouble."""
     service = snapshot.service
     parts = [f"{snapshot.transport.position_s or snapshot.time_s:.1f} s"]
+    if not snapshot.frames:
+        return "  ".join([*parts, "nothing received yet"])
     if service is None:
         parts.append("no service")
     else:
