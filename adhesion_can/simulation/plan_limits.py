@@ -5,6 +5,7 @@ A plan must not demand efforts or speeds that the vehicle does not have or its s
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.physics.driving_plan import PlanLimits
@@ -67,7 +68,8 @@ def limits_of(
     def narrow(key: str, value: float | bool, source: str) -> None:
         nonlocal limits
         if value < getattr(limits, key):
-            limits = replace(limits, **{key: value})
+            change: dict[str, Any] = {key: value}
+            limits = replace(limits, **change)
             sources[key] = source
 
     usual = DriveSettings().effort_max

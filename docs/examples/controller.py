@@ -41,7 +41,7 @@ INIT, TRACKING, LOW_EXCITATION, SURFACE_CHANGE, STALE_INPUT, FAULT = range(6)
 KNOWN = 0.3
 """Standard deviation of LambdaM over LambdaM up to which the peak is known."""
 CAUTIOUS_SLIP = 0.01
-"""Slip without the service: below the peak of every rail."""
+"""Slip without the service: below the peak of the rails of all scenarios."""
 PROBE_SLIP, PROBE_GROWS, PROBE_MAX = 0.12, 1.5, 0.3
 """How far the first probe goes, how much further each next one, and the furthest."""
 PROBE_S, PAUSE_S, CALM_PAUSE_S = 1.2, 0.4, 1.8
@@ -210,6 +210,7 @@ class Controller:
         self.chooser, self.loop = SlipChooser(), CreepLoop()
         self.measured: Values = {}
         self.speed_us: int | None = None
+        self.begin_us: int | None = None
         self.count, self.why = 0, ""
 
     def feed(self, t_us: int, identifier: int, payload: bytes) -> list[tuple[int, bytes]]:
@@ -228,9 +229,10 @@ class Controller:
         blind = t_us - self.speed_us > 60_000  # three cycles without a vehicle speed
         rims = [None if blind or w is None else RADIUS_M * w for w in rims]
         action, why = self.receiver.judge(t_us)
+        self.begin_us = t_us if self.begin_us is None else self.begin_us
         if why != self.why:
             self.why = why
-            print(f"{t_us / 1e6 % 1000:7.2f} s  {why}: {action.value}", flush=True)
+            print(f"{(t_us - self.begin_us) / 1e6:6.2f} s  {why}: {action.value}", flush=True)
         slips = self.chooser.choose(t_us / 1e6, speed, action, self.receiver.values)
         return self._demands(self.loop.step(speed, rims, slips))
 
