@@ -5,6 +5,7 @@ import gzip
 import re
 import struct
 import sys
+import threading
 import tracemalloc
 from contextlib import closing
 from datetime import UTC, datetime
@@ -447,6 +448,16 @@ def test_records_that_are_not_there_are_reported(tmp_path, claimed):
     assert (error is None) == (claimed <= 3000)
 
 
+@pytest.fixture
+def copied(monkeypatch):
+    """The reader is a copy of this process, with what a test replaces in it.
+
+    Other tests may have left threads, with which a new process would read.
+    """
+    monkeypatch.setattr(threading, "active_count", lambda: 1)
+
+
+@pytest.mark.usefixtures("copied")
 @pytest.mark.parametrize("reads", [0, 1, 2, 5])
 def test_what_is_left_is_read_frame_by_frame(tmp_path, monkeypatch, reads):
     read, done = mf4_source._Group.read, []
@@ -463,6 +474,7 @@ def test_what_is_left_is_read_frame_by_frame(tmp_path, monkeypatch, reads):
     assert assert_same_route(path, "so it is") == (907, None)
 
 
+@pytest.mark.usefixtures("copied")
 @pytest.mark.parametrize("rows", [300, 1000, 1500, 50_000])
 def test_damage_ends_both_ways_alike(tmp_path, monkeypatch, rows):
     path = logged(tmp_path / "a.mf4", group(5000))
