@@ -44,7 +44,7 @@ from adhesion_can.offline.recording_fit import SeenIds, require_accepted, requir
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
-from adhesion_can.physics.objection import WORDINGS, Objection
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame
@@ -55,6 +55,7 @@ from adhesion_can.reporting.drive.recorder import DriveRecorder, NoRecorder
 from adhesion_can.reporting.drive.replayed import replay_texts
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.next_steps.after_recording import after_replay
+from adhesion_can.reporting.objections import ObjectionLog
 from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.sample_rows import sample_table
 from adhesion_can.reporting.setpoints import setpoint_table
@@ -123,7 +124,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         recorder = DriveRecorder(slip_max) if is_asked_for(options) else NoRecorder()
 
         def on_setpoint(t_us: int, outputs: Outputs) -> None:
-            setpoints.add(outputs)
+            setpoints.add(t_us, outputs)
             write_row(t_us, outputs)
             recorder.add(t_us, outputs)
 
@@ -235,34 +236,22 @@ class _SetpointCounts:
         self.by_status: Counter[Status] = Counter()
         self.by_doubt: Counter[Doubt] = Counter()
         self.by_objection: Counter[Objection] = Counter()
+        self.objections = ObjectionLog()
 
-    def add(self, outputs: Outputs) -> None:
+    def add(self, t_us: int, outputs: Outputs) -> None:
         self.by_status[outputs.status] += 1
         self.by_doubt[outputs.doubt] += 1
         self.by_objection[outputs.objection] += 1
+        self.objections.add(t_us, outputs.objection)
 
     @property
     def doubts(self) -> list[Doubt]:
         """What was doubted, the most frequent first."""
         return [doubt for doubt, _ in self.by_doubt.most_common()]
 
-    @property
-    def objections(self) -> dict[Objection, float]:
-        """Share of the time of each objection, 0..1."""
-        total = self.by_objection.total() or 1
-        return {objection: n / total for objection, n in self.by_objection.items()}
-
     def share(self, count: int) -> str:
         """Share of a number of setpoints in all of them, as text."""
         return f"{100 * count / (self.by_status.total() or 1):.1f} %"
-
-    def describe_objections(self) -> list[str]:
-        """Line for each objection to the readings, with its share of the time."""
-        return [
-            f"{self.share(count)} of the time {WORDINGS[one].what}: {WORDINGS[one].fix}"
-            for one, count in self.by_objection.most_common()
-            if one in WORDINGS
-        ]
 
     def describe_doubts(self) -> list[str]:
         """Line with the share of the time with doubt and what it was about; none without doubt."""
@@ -344,7 +333,7 @@ def _print(
             f"lambda_m {plus_minus(e.lambda_m, e.lambda_m_std)}, "
             f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
         )
-    objections, doubts = setpoints.describe_objections(), setpoints.describe_doubts()
+    objections, doubts = setpoints.objections.sentences(), setpoints.describe_doubts()
     notes = (*objections, *doubts, *problems, *receiver.stuck_sentences, *core.faults)
     for line in (*notes, *left_out_lines(core.left_out_samples)):
         out.print(line, markup=False)

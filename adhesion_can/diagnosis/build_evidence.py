@@ -13,6 +13,7 @@ from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     ScoredModel,
+    find_shortfall,
     is_worse,
     score_model,
     worse_p_value,
@@ -72,6 +73,7 @@ def build_evidence(
                 gain if fit is None else 100.0 * (1.0 - fit.rmse / plain.rmse),
                 decision,
                 worse,
+                _why_not_named(found, fit) if decision is Decision.NOT_NAMED else "",
             )
         )
     out = _mark_refuted(_mark_rivals(out, causes), refuted)
@@ -137,6 +139,21 @@ def _decide(
     if fit is None or decision is not None:
         return decision or Decision.WEAKER, nan
     return _compare(found, best, fit)
+
+
+def _why_not_named(found: Findings, fit: ScoredModel | None) -> str:
+    """The test that an effect failed which was fitted where nothing else was named, a clause."""
+    selection = found.selection
+    lacking = (
+        "" if fit is None else find_shortfall(selection.plain, fit, selection.test.independent)
+    )
+    if lacking:
+        return lacking
+    if found.oscillates:
+        return "wheel speeds oscillate"
+    if found.saturated:
+        return "efforts are cut off"
+    return "more is left than explained" if not found.explains else "not confirmed"
 
 
 def _compare(found: Findings, best: ScoredModel, fit: ScoredModel) -> tuple[Decision, float]:

@@ -41,6 +41,7 @@ class Evidence:
         decision: What was decided about the effect.
         worse_p_value: P-value with which the effect predicts worse than the causes, by the test
             that decided; NaN where no such test did.
+        why: Test that an effect which is not named failed, a clause; '' for other decisions.
 
     """
 
@@ -54,6 +55,7 @@ class Evidence:
     gain_percent: float
     decision: Decision = Decision.NOT_SIGNIFICANT
     worse_p_value: float = nan
+    why: str = ""
 
     @property
     def is_tested(self) -> bool:

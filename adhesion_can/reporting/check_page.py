@@ -136,7 +136,7 @@ def _page(
     provenance: Mapping[str, str],
     begin: str = "",
 ) -> Page:
-    failures = [line for result in results for line in result.failures]
+    failures = WRONG.lines(results)
     said = verdict(results)
     return Page(
         title=title,

@@ -8,7 +8,7 @@ from adhesion_can.diagnosis.diagnose import DiagnosisSettings
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Decision, Evidence, Untested
 from adhesion_can.diagnosis.formatting import effect_name, fixed, p_equation, p_text, unit_text
 from adhesion_can.diagnosis.inference.equivalent_effects import EQUAL_GAIN
-from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN, LEVEL
+from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN, LEAST_WHITENED_GAIN, LEVEL
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.plurals import counted
 
@@ -18,9 +18,10 @@ EVIDENCE_COLUMNS = (
 EVIDENCE_NOTE = (
     "statistic, p: the effect alone, tested against the plain curve; p is the probability that "
     "noise gives so large a statistic, corrected for all effects tested. imitated: share of the "
-    "effect that other values of c1, c2 and c3 imitate; the test uses the remainder. most similar, "
-    "cosine: the effect whose remainder is most like this one's, before anything is fitted; 0 is "
-    "unlike, and near 1 or -1 only the fits distinguish the two. gain alone: reduction of the RMSE "
+    "effect that other values of c1, c2 and c3 imitate. The test uses the remainder, so a high "
+    "share needs a large effect or many data. most similar, cosine: the effect whose remainder is "
+    "most like this one's, before anything is fitted. 0 is unlike; near 1 or -1 only the fits "
+    "distinguish the two. gain alone: reduction of the RMSE "
     "of the adhesion on the deciding data by this effect without others."
 )
 """Meaning of the columns of the evidence, without the decisions."""
@@ -44,8 +45,9 @@ DECISIONS = {
     Decision.NAMED: _Words("named", "a cause"),
     Decision.RIVAL: _Words(
         "rival",
-        "the data cannot distinguish it from a cause: it predicts as well, has the same signature "
-        f"and {100 * EQUAL_GAIN:g} % of the gain, or differs only at another speed",
+        "the data cannot distinguish it from a cause, for one of three reasons. It predicts as "
+        f"well; or it has the same signature and at least {100 * EQUAL_GAIN:g} % of the gain; or "
+        "only a drive at another speed would show the difference",
     ),
     Decision.OTHER_FORM: _Words("other form", "another form of a cause, or another axle"),
     Decision.WORSE: _Words(
@@ -67,9 +69,12 @@ DECISIONS = {
     ),
     Decision.IMPLAUSIBLE: _Words("impossible size", "it fits only with a size that no vehicle has"),
     Decision.NOT_NAMED: _Words(
-        "no certain gain",
-        f"fitted, but its gain is below {100 * LEAST_GAIN:g} % or not certain (limit p = "
-        f"{LEVEL:g})",
+        "not named",
+        f"fitted, but the test in its row failed. The limits are {100 * LEAST_GAIN:g} % for the "
+        f"gain of the RMSE, {100 * LEAST_WHITENED_GAIN:g} % for the gain between blocks (square "
+        f"error of blocks that were left out) and p = {LEVEL:g} for the gain. 'not confirmed' is "
+        "on held-out data or by a test of refutation. No effect is named where the wheel speeds "
+        "oscillate, where efforts are cut off, or where a channel explains more than the effect",
     ),
     Decision.NOT_SIGNIFICANT: _Words(
         "not significant", f"noise explains it (limit p = {DiagnosisSettings().alpha:g})"
@@ -99,6 +104,8 @@ def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
 
 def _decision(evidence: Evidence) -> str:
     name = DECISIONS[evidence.decision].name
+    if evidence.why:
+        return f"{name}: {evidence.why}"
     if not isfinite(evidence.worse_p_value):
         return name
     return f"{name}, {p_equation(evidence.worse_p_value)}"

@@ -17,12 +17,13 @@ from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
 from adhesion_can.physics.effects import forms_of_effect, known_effects
-from adhesion_can.physics.objection import Objection
+from adhesion_can.physics.objection import WORDINGS, Objection
 from adhesion_can.reporting.next_steps.after_calibration import after_calibration
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
 from adhesion_can.reporting.next_steps.after_recording import after_evaluation, after_replay
 from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
 from adhesion_can.reporting.next_steps.quantities import describe_cause
+from adhesion_can.reporting.objections import ObjectionLog
 from tests.reporting.test_diagnosis_report import estimate, named, nothing, unexplained
 
 CONFIGURATION = load_configuration()
@@ -273,14 +274,32 @@ def test_radii_agree_or_are_written():
     [
         ([Doubt.NONE], {}, estimate(), "Next: adhesion-can run -i INTERFACE -c"),
         ([Doubt.NONE, Doubt.AXLE], {}, estimate(), "differ. Next: adhesion-can diagnose"),
-        ([Doubt.NONE], {Objection.EFFORTS_JUMP: 0.012}, estimate(), "Next: adhesion-can run -i"),
-        ([Doubt.AXLE], {Objection.LOADS_JUMP: 0.3}, estimate(), "adhesion-can check"),
+        ([Doubt.NONE], {Objection.EFFORTS_JUMP: 0.9}, estimate(), "Next: adhesion-can run -i"),
+        ([Doubt.AXLE], {Objection.LOADS_JUMP: 0.9}, estimate(), "check the axle-load sensors"),
         ([Doubt.NONE], {}, estimate(identifiable=False), "Next: adhesion-can identify"),
         ([Doubt.NONE], {}, None, "The service found no curve. Next: adhesion-can check"),
     ],
 )  # fmt: skip
 def test_what_follows_a_replay(doubts, objections, last, wanted):
-    assert wanted in after_replay(last, doubts, objections, LOG).line
+    assert wanted in after_replay(last, doubts, objected(objections), LOG).line
+
+
+def objected(seconds):
+    """The objections of a drive of 10 s that starts with them."""
+    out = ObjectionLog()
+    names = [objection for objection, s in seconds.items() for _ in range(round(50 * s))]
+    for cycle in range(500):
+        out.add(20_000 * cycle, names[cycle] if cycle < len(names) else Objection.NONE)
+    return out
+
+
+@pytest.mark.parametrize("objection", WORDINGS)
+def test_a_lasting_objection_names_what_to_check_and_not_the_check_that_led_to_it(objection):
+    step = after_replay(estimate(), [Doubt.NONE], objected({objection: 5.0}), LOG)
+    assert "objects to the readings, longest at 0.0 .. 5.0 s: " in step.finding
+    assert step.action.startswith("check ")
+    assert "adhesion-can check" not in step.action
+    assert re.search(r"then adhesion-can replay ('drive one.log'|NEW.log) --config", step.action)
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,12 @@ def score_model(
 
 
 def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> bool:
-    """Whether a larger model's gain is significant, with so many effects tested, and worth it.
+    """Whether a larger model's gain is significant, with so many effects tested, and worth it."""
+    return not find_shortfall(small, large, tested)
+
+
+def find_shortfall(small: ScoredModel, large: ScoredModel, tested: float) -> str:
+    """The first test of a gain that a larger model fails, as a clause; '' where it fails none.
 
     Sign flips count where they tested what the larger model adds to the smaller one: beside another
     model they tested something else.
@@ -132,13 +137,16 @@ def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> boo
         large.rmse < (1.0 - least) * small.rmse
         or large.rmse_with_speed_errors < (1.0 - least) * small.rmse_with_speed_errors
     )
-    worth &= large.fitted.cross_validated_square < (
-        (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
-    )
+    if not worth:
+        return f"gain below {100 * least:g} %"
+    limit = (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
+    if large.fitted.cross_validated_square >= limit:
+        return f"gain between blocks below {100 * LEAST_WHITENED_GAIN:g} %"
     by_blocks = gain_p_value(small.fitted, large.fitted) * tested
     same_family = small.fitted.model.curves.family is large.fitted.model.curves.family
     by_signs = large.sign_flips.get(frozenset(small.candidates), 1.0) if same_family else 1.0
-    return bool(worth and 2.0 * min(by_signs, by_blocks) <= LEVEL)
+    p_value = min(2.0 * min(by_signs, by_blocks), 1.0)
+    return "" if p_value <= LEVEL else f"gain has p = {p_value:.2g}"
 
 
 def is_worse(best: ScoredModel, other: ScoredModel) -> bool:

@@ -6,7 +6,6 @@ from typing import Any
 
 from adhesion_can.config import Configuration
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
-from adhesion_can.physics.objection import WORDINGS
 from adhesion_can.physics.status import Status
 from adhesion_can.plurals import in_words
 from adhesion_can.reporting.drive.figures import overview_figure, state_name, surface_figures
@@ -105,10 +104,7 @@ def _verdict(record: DriveRecord) -> list[str]:
     points = [(s.last.setpoint.mu_max, s.last.mu_max_std) for s in record.surfaces]
     sure = [mu for mu, std in points if mu is not None and std is not None and std < 0.1 * mu]
     found.append(_surfaces_found(len(record.surfaces), sure))
-    for one, number in record.objections.most_common():
-        if one in WORDINGS:
-            wording = WORDINGS[one]
-            found.append(f"{_share(number, total)} of the time {wording.what}: {wording.fix}.")
+    found += record.objection_log.sentences()
     doubts = [(d, n) for d, n in record.doubts.most_common() if d in DESCRIPTIONS]
     if doubts:
         why = ", ".join(f"{DESCRIPTIONS[d]} ({_share(n, total)})" for d, n in doubts)

@@ -1,7 +1,7 @@
 """What a report of a drive needs, collected while the service goes through it.
 
-The memory that this takes does not grow with the drive but for the list of surfaces, a few hundred
-bytes each.
+The memory that this takes does not grow with the drive but for the lists of surfaces and of
+objections, a few hundred bytes each.
 """
 
 from collections import Counter
@@ -13,6 +13,7 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.drive.history import History, HistoryRecorder
 from adhesion_can.reporting.drive.surfaces import Surface, SurfaceRecorder
+from adhesion_can.reporting.objections import ObjectionLog
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.drive_signals import DriveSignals
 from adhesion_can.service.outputs import Outputs
@@ -53,6 +54,7 @@ class DriveRecord:
         statuses: Number of setpoints by status.
         doubts: Number of setpoints by doubt.
         objections: Number of setpoints by objection.
+        objection_log: Objections in the order of their times.
         first_us: Stamp of the first setpoint, µs; 0 where there is none.
         last_us: Stamp of the last setpoint, µs; 0 where there is none.
         distance: Distance travelled where the speed is known, m.
@@ -67,6 +69,7 @@ class DriveRecord:
     statuses: Counter[Status]
     doubts: Counter[Doubt]
     objections: Counter[Objection]
+    objection_log: ObjectionLog
     first_us: int
     last_us: int
     distance: float
@@ -91,6 +94,7 @@ class DriveRecorder:
         self._statuses: Counter[Status] = Counter()
         self._doubts: Counter[Doubt] = Counter()
         self._objections: Counter[Objection] = Counter()
+        self._objection_log = ObjectionLog()
         self._first_us: int | None = None
         self._last_us = 0
 
@@ -105,6 +109,7 @@ class DriveRecorder:
         self._statuses[state[0]] += 1
         self._doubts[state[1]] += 1
         self._objections[state[2]] += 1
+        self._objection_log.add(t_us, state[2])
         if state != self._state:
             self._state = state
             self._change_count += 1
@@ -130,6 +135,7 @@ class DriveRecorder:
             statuses=self._statuses,
             doubts=self._doubts,
             objections=self._objections,
+            objection_log=self._objection_log,
             first_us=self._first_us or 0,
             last_us=self._last_us,
             distance=self._history.distance,

@@ -1,6 +1,7 @@
 """What to do after `check`, `replay`, `identify` and `evaluate`."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from adhesion_can.diagnosis.evaluate import Evaluation
 from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
@@ -11,11 +12,11 @@ from adhesion_can.offline.recording_fit import Misfit
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import WORDINGS, Objection
+from adhesion_can.reporting.check_words import WRONG
 from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
+from adhesion_can.reporting.objections import ObjectionLog, Stretch
+from adhesion_can.result_text import TimeScale
 
-LASTS = 0.05
-"""Share of the time from which an objection comes first: a step of all efforts is objected to until
-slip or vehicle speed answer it, and a rail that changes does that."""
 BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
 
 
@@ -27,14 +28,14 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
         typed: What the user typed.
 
     """
-    failures = [one for result in results for one in result.failures]
+    failures = WRONG.lines(results)
     for misfit in (one.misfit for one in results if isinstance(one, CheckResult)):
         if misfit is not None:
             return _after_misfit(misfit, typed)
     if failures:
         which = "this fault" if len(failures) == 1 else f"these {len(failures)} faults"
         return NextStep(
-            f"The data are not usable yet: {failures[0].rstrip('.')}.",
+            "The data are not usable yet.",
             f"fix {which}, then {typed.on_inputs('check')}",
         )
     fits = [result.fit for result in results if result.fit is not None]
@@ -80,7 +81,7 @@ def after_identification(found: BatchResult, typed: Typed) -> NextStep:
 def after_replay(
     last: Estimate | None,
     doubts: Sequence[Doubt],
-    objections: Mapping[Objection, float],
+    objections: ObjectionLog,
     typed: Typed,
     dropped: Mapping[str, int] | None = None,
 ) -> NextStep:
@@ -89,16 +90,13 @@ def after_replay(
     Args:
         last: Last estimate; None: there is none.
         doubts: What the service doubted, the most frequent first.
-        objections: Share of the time of each objection, 0..1.
+        objections: Objections of the drive.
         typed: What the user typed.
         dropped: Number of wheel speeds that gave no sample, by reason, where none gave one.
 
     """
-    lasting = [one for one in WORDINGS if objections.get(one, 0.0) >= LASTS]
-    objection = max(lasting, key=lambda one: objections[one], default=None)
-    if objection is not None:
-        what = WORDINGS[objection].what
-        return NextStep(f"The service objects to the readings: {what}.", typed.on_inputs("check"))
+    if objections.foremost is not None:
+        return _after_objection(objections.foremost, objections.times, typed)
     doubt = next((one for one in doubts if one in DESCRIPTIONS), None)
     if doubt is not None:
         finding = f"The service doubts its curve: {DESCRIPTIONS[doubt]}."
@@ -109,9 +107,9 @@ def after_replay(
         return NextStep(f"The service found no curve{why}.", typed.on_inputs("check"))
     if not last.identifiable.both:
         return NextStep("The drive ends without an identifiable peak.", typed.on_inputs("identify"))
-    model = () if typed.model is None else ("--model", typed.model)
     return NextStep(
-        f"{_peak(last)}, and the service has no doubt.", typed.command("run", *LIVE, *model)
+        f"{_peak(last)}, and the service has no doubt.",
+        typed.command("run", *LIVE, *_model(typed)),
     )
 
 
@@ -126,7 +124,7 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
     refitted = found.total.refitted
     worth = judge_model(refitted)
     finding = f"{worth.finding}: gain {describe_gain(refitted)}."
-    model = () if typed.model is None else ("--model", typed.model)
+    model = _model(typed)
     again = typed.command("evaluate", typed.new_file("OTHER"), *model)
     actions = {
         ModelWorth.USEFUL: typed.on_inputs("identify" if typed.tables else "replay", *model),
@@ -136,6 +134,35 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
     return NextStep(
         finding, actions.get(worth) or typed.on_inputs("diagnose", "--extended", "NEW.toml")
     )
+
+
+def _after_objection(longest: Stretch, times: TimeScale, typed: Typed) -> NextStep:
+    """What is objected to, and the instrument or setting to check; `check` would see no more."""
+    objection = longest.objection
+    when = times.span(longest.from_us, longest.to_us)
+    finding = f"The service objects to the readings, longest at {when} s: "
+    if objection in _INSTRUMENTS:
+        again = typed.command("replay", typed.new_file("NEW"), *_model(typed))
+        action = f"check {_INSTRUMENTS[objection]} at this time, record again, then {again}"
+    else:
+        action = f"{WORDINGS[objection].fix}, then {typed.on_inputs('replay', *_model(typed))}"
+    return NextStep(f"{finding}{WORDINGS[objection].what}.", action)
+
+
+_INSTRUMENTS = {
+    Objection.SPEED_JUMP: "the vehicle speed's instrument",
+    Objection.WHEELS_JUMP: "the wheel-speed sensors",
+    Objection.EFFORTS_JUMP: "the source of the tractive efforts",
+    Objection.LOADS_JUMP: "the axle-load sensors",
+    Objection.SPEED_DEVIATES: "the vehicle speed's instrument",
+    Objection.SLIPS_BEYOND_MODEL: "the wheel-speed sensors and the vehicle speed's instrument",
+}
+"""What measures the readings of an objection; a setting is to be checked for the others."""
+
+
+def _model(typed: Typed) -> tuple[Path | str, ...]:
+    """Option of the model that was used."""
+    return () if typed.model is None else ("--model", typed.model)
 
 
 def _after_misfit(misfit: Misfit, typed: Typed) -> NextStep:
