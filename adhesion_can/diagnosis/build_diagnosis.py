@@ -157,6 +157,7 @@ def build_diagnosis(
         environments=build_environments(found, confirmed, causes, extended.fitted.model),
         noise=_build_noise(found),
         saturated=bool(found.saturated),
+        oscillates=found.oscillates,
         begins={drive.name: drive.first_us for drive in drives},
     )
 

@@ -174,7 +174,7 @@ def _mark_refuted(
 ) -> list[Evidence]:
     """The same with what a further drive refuted as refuted, by the p-value of that test."""
     return [
-        replace(one, decision=Decision.REFUTED, worse_p_value=refuted[one.effect, one.axle])
+        replace(one, decision=Decision.REFUTED, worse_p_value=refuted[one.effect, one.axle], why="")
         if one.decision in _OPEN and (one.effect, one.axle) in refuted
         else one
         for one in evidence
@@ -189,7 +189,7 @@ def _mark_rivals(evidence: Sequence[Evidence], causes: Sequence[Cause]) -> list[
         strongest = max(own, key=lambda k: out[k].gain_percent, default=None)
         for place in own:
             if place == strongest or out[place].decision in _COMPARED:
-                out[place] = replace(out[place], decision=Decision.RIVAL, worse_p_value=nan)
+                out[place] = replace(out[place], decision=Decision.RIVAL, worse_p_value=nan, why="")
     return out
 
 

@@ -198,7 +198,8 @@ class NoiseResult:
     """Noise floor beside the noise that the sensors explain, adhesion.
 
     Attributes:
-        floor: RMSE of the adhesion that no model goes below.
+        floor: RMSE of the adhesion on the deciding data that the effects and a spline in every
+            channel leave.
         sensors: RMS of the adhesion's noise by the sensors; None where the readings do not show it.
         ratio: `floor` over `sensors`; None where that is not known.
         exceeds: Whether the floor is above what the sensors explain for certain.

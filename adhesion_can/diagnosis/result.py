@@ -112,7 +112,7 @@ class Gain:
     Attributes:
         rmse_before: RMSE of the plain model's adhesion on the held-out data.
         rmse_after: RMSE of the extended model's adhesion on the held-out data.
-        noise_floor: RMSE of the adhesion that no model goes below.
+        noise_floor: RMSE on the deciding data with the effects and a spline in every channel.
         percent: Gain 100 (1 − after/before), %.
         interval: 95 % confidence interval of the gain, %.
         units: Description of the data that were held out, a clause.
@@ -309,6 +309,7 @@ class Diagnosis:
     models: tuple[ModelScore, ...] = ()
     witness: Witness | None = None
     saturated: bool = False
+    oscillates: bool = False
     next_step: str = ""
     begins: Mapping[str, int] = field(default_factory=dict)
 

@@ -12,7 +12,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChan
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.plot_result import Profile
 from adhesion_can.diagnosis.regression.channel_splines import Channel
-from adhesion_can.diagnosis.result import Gain
+from adhesion_can.diagnosis.result import Diagnosis, Gain
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import Observability, forms_of_effect
@@ -105,6 +105,17 @@ def where_sentence(profile: Profile, gain: Gain) -> str:
 def name_with_wave(channel: Channel) -> str:
     """Name of a channel, with the length of a wave in it."""
     return f"{channel.name}, wave of {channel.period:.1f} m" if channel.period else channel.name
+
+
+def unexplained_clause(found: Diagnosis) -> str:
+    """What no known effect explains, a clause: the residual depends on no single channel."""
+    if found.oscillates:
+        return "the wheel speeds oscillate"
+    if found.noise is not None and found.noise.exceeds:
+        return "more is left than sensor noise explains"
+    if found.closest:
+        return "an effect that helps is refuted as the cause"
+    return "the plain curve does not explain the data"
 
 
 def channel_sentence(residual_channel: ResidualChannel) -> str:

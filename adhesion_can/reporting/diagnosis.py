@@ -22,6 +22,7 @@ from adhesion_can.diagnosis.formatting import (
     value_text,
 )
 from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, Gain, Verdict
+from adhesion_can.diagnosis.sentences import unexplained_clause
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.evidence import (
@@ -41,6 +42,8 @@ APART = 1.1
 """Largest over smallest λ_m of families from which it is said where each has its peak."""
 SHOWN = 5
 """Rows of evidence that a terminal shows."""
+FLOOR = "a fit with a spline in every channel"
+"""What leaves the remainder that no model is expected to go below."""
 
 FAMILY_COLUMNS = (
     "family", "parameters", HELD_OUT_RMSE, "RMSE", "μ_max", "λ_m", "base curve",
@@ -185,8 +188,8 @@ def _rivals(cause: Cause) -> str:
 def _unexplained(found: Diagnosis) -> str:
     if found.channel is None:
         return (
-            "Unexplained: the residual is more than noise, but neither a known effect nor a "
-            "single measured channel explains it."
+            f"Unexplained: {unexplained_clause(found)}, and neither a known effect nor a single "
+            "measured channel explains it."
         )
     # A wave's channel has its length behind the name.
     own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
@@ -212,18 +215,20 @@ def _nothing(found: Diagnosis) -> str:
         if noise is not None:
             text = (
                 "Undecided: on held-out data the plain curve has an RMSE of "
-                f"{three_digits(gain.rmse_before)}, noise alone has about {three_digits(noise)}, "
-                "and no effect or channel explains the difference with certainty."
+                f"{three_digits(gain.rmse_before)}, {noise}, and no effect or channel explains the "
+                "difference with certainty."
             )
     return f"{text} {_strongest(found)}".strip()
 
 
-def _noise_below(found: Diagnosis, gain: Gain) -> float | None:
-    """Noise that is clearly below what the plain curve leaves, adhesion; None where none is."""
+def _noise_below(found: Diagnosis, gain: Gain) -> str | None:
+    """Remainder or noise clearly below what the plain curve leaves, a clause; None: none is."""
     if gain.leaves_much:
-        return gain.noise_floor
+        return f"{FLOOR} leaves {three_digits(gain.noise_floor)} on the deciding data"
     noise = found.noise
-    return noise.sensors if noise is not None and noise.leaves_more else None
+    if noise is None or noise.sensors is None or not noise.leaves_more:
+        return None
+    return f"sensor noise explains {three_digits(noise.sensors)}"
 
 
 def _strongest(found: Diagnosis) -> str:
@@ -268,11 +273,11 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     where = f"Held out: {gain.held_out}."
     extended = has_extension(found)
     before, after = three_digits(gain.rmse_before), three_digits(gain.rmse_after)
-    noise = f"noise alone is about {three_digits(gain.noise_floor)} (deciding data)"
+    floor = f"On the deciding data, {FLOOR} leaves an RMSE of {three_digits(gain.noise_floor)}."
     if not extended and gain.rmse_after == gain.rmse_before:
         return (
             "There is no extension. RMSE of the adhesion on held-out data: plain curve "
-            f"{before}; {noise}. {where}"
+            f"{before}. {floor} {where}"
         )
     low, high = gain.interval
     interval = (
@@ -280,7 +285,7 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     )
     text = (
         f"Gain on held-out data: {gain.percent:.1f} % ({interval}). RMSE of the adhesion on these "
-        f"data: plain curve {before}, extended model {after}; {noise}."
+        f"data: plain curve {before}, extended model {after}. {floor}"
     )
     written = gain.as_written
     if written is not None:

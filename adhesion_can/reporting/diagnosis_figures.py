@@ -38,6 +38,7 @@ from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale
 
 BEFORE, AFTER, MEASURED = ORANGE, BLUE, GREY
 PLAIN, EXTENDED = "plain curve", "extended model"
+FLOOR = "Splines, deciding data"
 FAMILY_COLOURS = (BEFORE, AFTER, "#009e73", "#cc79a7", "#b8860b")
 """Colours of the families, Burckhardt's first."""
 MOST_POINTS, FEW_POINTS = 3000, 1000
@@ -46,7 +47,7 @@ MOST_POINTS, FEW_POINTS = 3000, 1000
 
 def gain_figure(gain: Gain, *, extended: bool) -> Figure:
     """RMSE before and after beside the noise floor, with the gain's interval."""
-    names = [PLAIN, EXTENDED if extended else "empirical curve", "noise alone"]
+    names = [PLAIN, EXTENDED if extended else "empirical curve", FLOOR]
     values = [gain.rmse_before, gain.rmse_after, gain.noise_floor]
     # The gain is a share of `before`: its interval is one of `after`.
     best, worst = (gain.rmse_before * (1.0 - end / 100.0) for end in reversed(gain.interval))
@@ -82,8 +83,9 @@ def gain_figure(gain: Gain, *, extended: bool) -> Figure:
     }
     caption = (
         f"RMSE of the adhesion on held-out data: {PLAIN} and {names[1]}. The whisker is the 95 % "
-        "interval of the gain. Noise alone: RMSE on the deciding data of a model with the named "
-        "effects and a spline in every channel."
+        f"interval of the gain. {FLOOR}: RMSE on other rows, the deciding data, of a fit with the "
+        "named effects and a spline in every channel. It can be larger than that of a model on the "
+        "held-out data."
     )
     return Figure(caption, data, layout, 210)
 

@@ -22,7 +22,8 @@ EVIDENCE_NOTE = (
     "share needs a large effect or many data. most similar, cosine: the effect whose remainder is "
     "most like this one's, before anything is fitted. 0 is unlike; near 1 or -1 only the fits "
     "distinguish the two. gain alone: reduction of the RMSE "
-    "of the adhesion on the deciding data by this effect without others."
+    "of the adhesion on the deciding data by this effect without others. The order is that of the "
+    "decision, then of the gain alone."
 )
 """Meaning of the columns of the evidence, without the decisions."""
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
@@ -42,7 +43,9 @@ class _Words(NamedTuple):
 
 
 DECISIONS = {
-    Decision.NAMED: _Words("named", "a cause"),
+    Decision.NAMED: _Words(
+        "named", "a cause; the model with it predicts the blocks that were left out best"
+    ),
     Decision.RIVAL: _Words(
         "rival",
         "the data cannot distinguish it from a cause, for one of three reasons. It predicts as "
@@ -71,8 +74,8 @@ DECISIONS = {
     Decision.NOT_NAMED: _Words(
         "not named",
         f"fitted, but the test in its row failed. The limits are {100 * LEAST_GAIN:g} % for the "
-        f"gain of the RMSE, {100 * LEAST_WHITENED_GAIN:g} % for the gain between blocks (square "
-        f"error of blocks that were left out) and p = {LEVEL:g} for the gain. 'not confirmed' is "
+        f"gain of the RMSE, and {100 * LEAST_WHITENED_GAIN:g} % for the gain between blocks (square "
+        f"error of blocks that were left out); the gain has the limit p = {LEVEL:g}. 'not confirmed' is "
         "on held-out data or by a test of refutation. No effect is named where the wheel speeds "
         "oscillate, where efforts are cut off, or where a channel explains more than the effect",
     ),

@@ -1,5 +1,6 @@
 """What one test decides about an effect is the same in every sentence, table and figure."""
 
+from dataclasses import replace
 from math import nan
 from types import SimpleNamespace
 
@@ -100,6 +101,36 @@ def test_worse_is_what_the_test_of_rivals_calls_worse():
     decision, p_value = build_evidence._compare(found, best, unsure)
     assert decision is Decision.NOT_BETTER
     assert p_value >= LEVEL
+
+
+def unnamed(fit, **found):
+    plain = scored([1.0] * BLOCKS, 1.0)
+    selection = SimpleNamespace(plain=plain, test=SimpleNamespace(independent=5.0))
+    given = {"oscillates": False, "saturated": (), "explains": True, **found}
+    return build_evidence._why_not_named(SimpleNamespace(selection=selection, **given), fit)
+
+
+def test_an_effect_without_a_name_says_which_test_it_failed():
+    clear = scored([0.5, 0.4] * (BLOCKS // 2), 0.7)
+    unsure = scored([0.1, 1.5] * (BLOCKS // 2), 0.7)
+    assert unnamed(scored([0.9] * BLOCKS, 0.995)) == "gain below 1 %"
+    assert unnamed(scored([0.998] * BLOCKS, 0.9)) == "gain between blocks below 0.5 %"
+    assert unnamed(unsure).startswith("gain has p = ")
+    assert unnamed(clear, oscillates=True) == "wheel speeds oscillate"
+    assert unnamed(clear, saturated=(1,)) == "efforts are cut off"
+    assert unnamed(clear, explains=False) == "more is left than explained"
+    assert unnamed(clear) == "not confirmed"
+
+
+def test_the_reason_is_in_the_row_and_ends_with_another_decision():
+    one = replace(evidence(Decision.NOT_NAMED), why="gain below 1 %")
+    ((*_, cell),) = evidence_rows([one])
+    assert cell == "not named: gain below 1 %"
+    (refuted,) = build_evidence._mark_refuted([one], {("b", 0): 0.002})
+    assert evidence_rows([refuted])[0][-1] == "refuted, p = 0.002"
+    cause = SimpleNamespace(rivals=("b",))
+    (rival,) = build_evidence._mark_rivals([one], [cause])
+    assert evidence_rows([rival])[0][-1] == "rival"
 
 
 def test_every_decision_has_a_name_and_a_meaning_with_its_limit():

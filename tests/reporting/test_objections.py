@@ -1,4 +1,4 @@
-"""Objections of a drive: a wait for the vehicle's answer is none, whatever its share of the time."""
+"""Objections of a drive: a wait for the vehicle's answer is none, whatever its share of time."""
 
 import pytest
 

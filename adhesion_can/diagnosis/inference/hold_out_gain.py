@@ -93,7 +93,7 @@ def compute_hold_out_gain(
         extended: Larger model.
         channel: Residual channel that is added to the extended model; None: none.
         other_drives: Whether whole recordings were held out.
-        noise_floor: RMSE of the adhesion that no model goes below.
+        noise_floor: RMSE on the deciding data with the effects and a spline in every channel.
         block_length_s: Length of a block, s.
 
     """
@@ -158,7 +158,7 @@ def compute_leave_one_out_gain(
         plain: Smaller model; with effects where a further one is judged beside them.
         extended: Larger model.
         channel: Residual channel that is added to the extended model; None: none.
-        noise_floor: RMSE of the adhesion that no model goes below.
+        noise_floor: RMSE on the deciding data with the effects and a spline in every channel.
 
     """
     rows = np.flatnonzero(regression.used)
@@ -298,7 +298,7 @@ def compute_gain(result: HoldOutResult, units: HoldOutUnits, noise_floor: float)
     Args:
         result: Residuals on the held-out rows.
         units: Units that were held out whole.
-        noise_floor: RMSE of the adhesion that no model goes below.
+        noise_floor: RMSE on the deciding data with the effects and a spline in every channel.
 
     """
     before = float(np.sqrt(np.mean(result.before**2)))

@@ -5,6 +5,7 @@ from pathlib import Path
 from adhesion_can.bus.roles import packaged_choices
 from adhesion_can.config import Configuration
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
+from adhesion_can.diagnosis.sentences import unexplained_clause
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 from adhesion_can.reporting.next_steps.quantities import Meaning, describe_cause
@@ -63,9 +64,8 @@ def _reservations(found: Diagnosis) -> list[str]:
 
 def _unexplained(found: Diagnosis) -> str:
     if found.channel is None:
-        return (
-            "The residual of the plain curve is more than noise, and no known effect explains it."
-        )
+        what = unexplained_clause(found)
+        return f"{what[0].upper()}{what[1:]}, and no known effect explains it."
     return (
         f"The error of the plain curve depends on {channel_label(found.channel)}, and no known "
         "effect explains it."
