@@ -150,10 +150,10 @@ def _why_not_named(found: Findings, fit: ScoredModel | None) -> str:
     if lacking:
         return lacking
     if found.oscillates:
-        return "wheel speeds oscillate"
+        return "oscillation"
     if found.saturated:
-        return "efforts are cut off"
-    return "more is left than explained" if not found.explains else "not confirmed"
+        return "cut-off efforts"
+    return "more is left" if not found.explains else "unconfirmed"
 
 
 def _compare(found: Findings, best: ScoredModel, fit: ScoredModel) -> tuple[Decision, float]:

@@ -1,6 +1,6 @@
 """Reports of a diagnosis: sentences, lines and tables for a terminal, and JSON."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import isfinite
 
 from adhesion_can.diagnosis.cause_result import (
@@ -12,19 +12,26 @@ from adhesion_can.diagnosis.cause_result import (
 from adhesion_can.diagnosis.formatting import (
     effect_name,
     fixed,
-    measured,
     p_equation,
-    p_text,
     rival_title,
     short,
     sizes,
     three_digits,
-    value_text,
 )
-from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, Gain, Verdict
+from adhesion_can.diagnosis.result import Diagnosis, Gain, Verdict
 from adhesion_can.diagnosis.sentences import unexplained_clause
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
+from adhesion_can.reporting.diagnosis_tables import (
+    ENVIRONMENT_COLUMNS,
+    FAMILY_COLUMNS,
+    FAMILY_TITLE,
+    SHAPE_NOTE,
+    cause_rows,
+    environment_rows,
+    family_rows,
+    is_shape_named,
+)
 from adhesion_can.reporting.evidence import (
     EVIDENCE_COLUMNS,
     EVIDENCE_NOTE,
@@ -34,7 +41,6 @@ from adhesion_can.reporting.evidence import (
     untested_outcome,
 )
 from adhesion_can.reporting.text import FittingTable, table
-from adhesion_can.result_text import HELD_OUT_RMSE
 
 ABOUT_AS_GOOD = 0.05
 """Share by which a family's held-out score may exceed the best one's to count as about as good."""
@@ -44,12 +50,6 @@ SHOWN = 5
 """Rows of evidence that a terminal shows."""
 FLOOR = "a fit with a spline in every channel"
 """What leaves the remainder that no model is expected to go below."""
-
-FAMILY_COLUMNS = (
-    "family", "parameters", HELD_OUT_RMSE, "RMSE", "μ_max", "λ_m", "base curve",
-)  # fmt: skip
-FAMILY_TITLE = "Curve families without effects, fitted to the deciding data"
-ENVIRONMENT_COLUMNS = ("size", "environment", "value", "spread", "p")
 
 
 # ---------------------------------------------------------------------------------- sentences
@@ -108,21 +108,6 @@ def _witness_sentence(found: Diagnosis) -> Iterator[str]:
     else:
         part = "" if 10 * witness.doubt_after <= witness.doubt_before else "part of "
         yield f"{text}: the causes explain {part}its doubt."
-
-
-def environment_rows(environments: Sequence[EnvironmentSizes]) -> list[tuple[str, ...]]:
-    """Cells of a table with `ENVIRONMENT_COLUMNS`, one row an environment."""
-    return [
-        (
-            f"{one.effect}: {one.parameter}",
-            level.level,
-            measured(level.value, level.std, one.unit),
-            fixed(100 * one.spread, 0, " %"),
-            p_text(one.p_value),
-        )
-        for one in environments
-        for level in one.levels
-    ]
 
 
 def widest_environments(found: Diagnosis) -> list[EnvironmentSizes]:
@@ -306,31 +291,6 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
     return f"{text} {where}"
 
 
-def cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
-    """Cells of a table of causes: effect, parameter, value, meaning; one row a parameter."""
-    return [
-        (effect_name(c.effect, c.form), v.name, value_text(v), v.meaning)
-        for c in causes
-        for v in c.parameters
-    ]
-
-
-def family_rows(families: Sequence[FamilyResult]) -> list[tuple[str, ...]]:
-    """Cells of a table with `FAMILY_COLUMNS`."""
-    return [
-        (
-            one.title,
-            str(one.parameters),
-            fixed(one.held_out_rmse, 3),
-            fixed(one.rmse, 4),
-            fixed(one.mu_max, 4),
-            "-" if one.lambda_m is None else fixed(one.lambda_m, 4),
-            "yes" if one.chosen else "",
-        )
-        for one in families
-    ]
-
-
 # ----------------------------------------------------------------------------------- terminal
 
 
@@ -347,6 +307,8 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     yield from _refutations(found)
     if found.families:
         yield table(FAMILY_TITLE, FAMILY_COLUMNS, family_rows(found.families))
+        if is_shape_named(found):
+            yield SHAPE_NOTE
     yield from _next_steps(found)
     rows = evidence_rows(found.evidence)
     if rows:
@@ -372,10 +334,20 @@ def _refutations(found: Diagnosis) -> Iterator[str | FittingTable]:
         yield table(title_, ENVIRONMENT_COLUMNS, rows)
 
 
+def needed_sentence(found: Diagnosis) -> str:
+    """The manoeuvre that distinguishes the rivals; '' where none is needed or a plan has it."""
+    planned = found.next_drive
+    if not found.needed or (planned is not None and planned.plan is not None):
+        return ""
+    can_plan = found.prediction is None and planned is None
+    return f"Needed{', by the plan of --next-drive or by hand' if can_plan else ''}: {found.needed}"
+
+
 def _next_steps(found: Diagnosis) -> Iterator[str]:
     """What would separate explanations, and what a drive has left of them."""
-    if found.needed:
-        yield f"Needed: {found.needed}"
+    needed = needed_sentence(found)
+    if needed:
+        yield needed
     if found.remaining is not None:
         yield found.remaining.sentence
     # Why there is no plan is in the last line of the command.

@@ -3,18 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 from adhesion_can.diagnosis.formatting import rival_title
-from adhesion_can.diagnosis.result import Diagnosis, FamilyResult, SegmentResult
+from adhesion_can.diagnosis.result import Diagnosis, SegmentResult
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.reporting.diagnosed_drives import recording_times
 from adhesion_can.reporting.diagnosis import (
-    ENVIRONMENT_COLUMNS,
-    FAMILY_COLUMNS,
-    FAMILY_TITLE,
-    cause_rows,
     closest_sentences,
-    environment_rows,
-    family_rows,
     has_extension,
+    needed_sentence,
     verdict_sentences,
     widest_environments,
 )
@@ -26,6 +21,16 @@ from adhesion_can.reporting.diagnosis_figures import (
     prediction_figure,
     profile_figure,
     simulation_figure,
+)
+from adhesion_can.reporting.diagnosis_tables import (
+    ENVIRONMENT_COLUMNS,
+    FAMILY_COLUMNS,
+    FAMILY_TITLE,
+    SHAPE_NOTE,
+    cause_rows,
+    environment_rows,
+    family_rows,
+    is_shape_named,
 )
 from adhesion_can.reporting.environment_figure import environment_figure
 from adhesion_can.reporting.evidence import (
@@ -191,7 +196,7 @@ def _curve(found: Diagnosis) -> Parts:
         times, extended = recording_times(found, longest.recording), has_extension(found)
         parts.append(curve_figure(longest, times, found.curves, extended=extended))
     if found.families and found.curves is not None:
-        parts += [family_figure(found.families, found.curves), _family_table(found.families)]
+        parts += [family_figure(found.families, found.curves), _family_table(found)]
     if found.surfaces:
         parts.append(_surface_table(found, extended=has_extension(found)))
     return parts or [Text("No curve could be fitted.")]
@@ -227,7 +232,7 @@ def _surface_table(found: Diagnosis, *, extended: bool) -> Table:
     )
 
 
-def _family_table(families: Sequence[FamilyResult]) -> Table:
+def _family_table(found: Diagnosis) -> Table:
     note = (
         f"{HELD_OUT_RMSE}: RMSE of the whitened residuals, each block predicted from the others, "
         "in standard deviations σ of the noise; smaller is better. RMSE: of the adhesion on the "
@@ -235,7 +240,8 @@ def _family_table(families: Sequence[FamilyResult]) -> Table:
         "if its gain is significant and no effect explains as much."
     )
     caption = f"{FAMILY_TITLE}; peaks at the mean speed and load."
-    return Table(caption, FAMILY_COLUMNS, family_rows(families), note)
+    note = f"{note} {SHAPE_NOTE}" if is_shape_named(found) else note
+    return Table(caption, FAMILY_COLUMNS, family_rows(found.families), note)
 
 
 def _evidence(found: Diagnosis) -> Parts:
@@ -246,9 +252,7 @@ def _evidence(found: Diagnosis) -> Parts:
         "listed under 'Not tested or rejected'."
     )
     rows = evidence_rows(found.evidence)
-    caption = (
-        f"{evidence_title(found.evidence)}. Causes first, then their rivals, then by gain alone."
-    )
+    caption = f"{evidence_title(found.evidence)}."
     parts: Parts = [model_figure(found.models)] if len(found.models) > 1 else []
     return [*parts, Table(caption, EVIDENCE_COLUMNS, rows, note)]
 
@@ -302,7 +306,7 @@ def _drives_that_tell(found: Diagnosis) -> Parts:
 
 def _rivals(found: Diagnosis) -> Parts:
     rivals = dict.fromkeys(rival for cause in found.causes for rival in cause.rivals)
-    needed = found.needed and f"Needed: {found.needed}"
+    needed = needed_sentence(found)
     if not rivals:
         return [Text(needed or "There are no rivals to distinguish.")]
     return [

@@ -8,7 +8,7 @@ from adhesion_can.diagnosis.diagnose import DiagnosisSettings
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Decision, Evidence, Untested
 from adhesion_can.diagnosis.formatting import effect_name, fixed, p_equation, p_text, unit_text
 from adhesion_can.diagnosis.inference.equivalent_effects import EQUAL_GAIN
-from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN, LEAST_WHITENED_GAIN, LEVEL
+from adhesion_can.diagnosis.inference.model_comparison import LEVEL
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.plurals import counted
 
@@ -22,8 +22,8 @@ EVIDENCE_NOTE = (
     "share needs a large effect or many data. most similar, cosine: the effect whose remainder is "
     "most like this one's, before anything is fitted. 0 is unlike; near 1 or -1 only the fits "
     "distinguish the two. gain alone: reduction of the RMSE "
-    "of the adhesion on the deciding data by this effect without others. The order is that of the "
-    "decision, then of the gain alone."
+    "of the adhesion on the deciding data by this effect without others. Causes come "
+    "first, then their rivals, then the others by gain alone."
 )
 """Meaning of the columns of the evidence, without the decisions."""
 CHANNEL_COLUMNS = ("channel", "unit", "p", "gain")
@@ -73,11 +73,11 @@ DECISIONS = {
     Decision.IMPLAUSIBLE: _Words("impossible size", "it fits only with a size that no vehicle has"),
     Decision.NOT_NAMED: _Words(
         "not named",
-        f"fitted, but the test in its row failed. The limits are {100 * LEAST_GAIN:g} % for the "
-        f"gain of the RMSE, and {100 * LEAST_WHITENED_GAIN:g} % for the gain between blocks (square "
-        f"error of blocks that were left out); the gain has the limit p = {LEVEL:g}. 'not confirmed' is "
-        "on held-out data or by a test of refutation. No effect is named where the wheel speeds "
-        "oscillate, where efforts are cut off, or where a channel explains more than the effect",
+        "fitted, but it failed the test in its row. gain: of the RMSE. block gain: of the square "
+        "error of blocks that were left out. gain p: p of the gain, "
+        f"limit p = {LEVEL:g}. unconfirmed: by the held-out data or a test of refutation. "
+        "oscillation, cut-off efforts: they hide every effect. more is left: a channel explains "
+        "more than the effect",
     ),
     Decision.NOT_SIGNIFICANT: _Words(
         "not significant", f"noise explains it (limit p = {DiagnosisSettings().alpha:g})"

@@ -113,19 +113,19 @@ def unnamed(fit, **found):
 def test_an_effect_without_a_name_says_which_test_it_failed():
     clear = scored([0.5, 0.4] * (BLOCKS // 2), 0.7)
     unsure = scored([0.1, 1.5] * (BLOCKS // 2), 0.7)
-    assert unnamed(scored([0.9] * BLOCKS, 0.995)) == "gain below 1 %"
-    assert unnamed(scored([0.998] * BLOCKS, 0.9)) == "gain between blocks below 0.5 %"
-    assert unnamed(unsure).startswith("gain has p = ")
-    assert unnamed(clear, oscillates=True) == "wheel speeds oscillate"
-    assert unnamed(clear, saturated=(1,)) == "efforts are cut off"
-    assert unnamed(clear, explains=False) == "more is left than explained"
-    assert unnamed(clear) == "not confirmed"
+    assert unnamed(scored([0.9] * BLOCKS, 0.995)) == "gain < 1 %"
+    assert unnamed(scored([0.998] * BLOCKS, 0.9)) == "block gain < 0.5 %"
+    assert unnamed(unsure).startswith("gain p = ")
+    assert unnamed(clear, oscillates=True) == "oscillation"
+    assert unnamed(clear, saturated=(1,)) == "cut-off efforts"
+    assert unnamed(clear, explains=False) == "more is left"
+    assert unnamed(clear) == "unconfirmed"
 
 
 def test_the_reason_is_in_the_row_and_ends_with_another_decision():
-    one = replace(evidence(Decision.NOT_NAMED), why="gain below 1 %")
+    one = replace(evidence(Decision.NOT_NAMED), why="gain < 1 %")
     ((*_, cell),) = evidence_rows([one])
-    assert cell == "not named: gain below 1 %"
+    assert cell == "not named: gain < 1 %"
     (refuted,) = build_evidence._mark_refuted([one], {("b", 0): 0.002})
     assert evidence_rows([refuted])[0][-1] == "refuted, p = 0.002"
     cause = SimpleNamespace(rivals=("b",))

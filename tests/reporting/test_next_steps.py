@@ -7,6 +7,7 @@ from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from adhesion_can.api.configuration import load_configuration
@@ -17,6 +18,7 @@ from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
 from adhesion_can.physics.effects import forms_of_effect, known_effects
+from adhesion_can.physics.effects.formula import parse_formula
 from adhesion_can.physics.objection import WORDINGS, Objection
 from adhesion_can.reporting.next_steps.after_calibration import after_calibration
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
@@ -154,7 +156,7 @@ def test_the_entries_of_roles_can_be_loaded_and_correct_what_reads_high(
 def test_a_role_is_corrected_only_in_a_file_that_has_all_roles():
     """One role in a file replaces all the defaults."""
     speed = of(cause("speed_scale", "", (0.02, 1e-4)))
-    assert "--extended model.toml --config tram.toml, then adhesion-can replay" in line(speed)
+    assert "--extended model.toml --config tram.toml, then confirm it" in line(speed)
     owned = replace(CONFIGURATION, choices=CONFIGURATION.choices[:-1])
     said = after_diagnosis(speed, LOG, owned).line
     assert 'Next: write "vehicle_speed" = { signal = ' in said
@@ -165,8 +167,8 @@ def test_a_delay_has_no_key_and_is_corrected_by_the_model():
     said = line(of(DELAY))
     assert said.endswith(
         "adhesion-can diagnose 'drive one.log' --extended model.toml --config tram.toml, then "
-        "adhesion-can replay 'drive one.log' --model model.toml --config tram.toml (no key of the "
-        "configuration corrects a delay)"
+        "confirm it on another drive: adhesion-can evaluate OTHER.log --model model.toml --config "
+        "tram.toml (no key of the configuration corrects a delay)"
     )
 
 
@@ -201,7 +203,9 @@ RIVALLED = replace(DELAY, rivals=("wheel_speed_delay",))
          "adhesion-can evaluate OTHER.log --model m.toml --config tram.toml"),
         (of(DELAY),
          replace(LOG, outputs={"--extended": Path("m.toml")}, holdout=(Path("b.log"),)),
-         "adhesion-can replay 'drive one.log' --model m.toml --config tram.toml"),
+         "adhesion-can replay b.log --model m.toml --config tram.toml"),
+        (of(DELAY), replace(TABLE, outputs={"--extended": Path("m.toml")}),
+         "adhesion-can evaluate OTHER.csv --model m.toml --column slip=kappa"),
         (of(DELAY), TABLE,
          "adhesion-can diagnose rig.csv --extended model.toml --column slip=kappa"),
         (of(RIVALLED), LOG,
@@ -215,7 +219,9 @@ RIVALLED = replace(DELAY, rivals=("wheel_speed_delay",))
         (replace(of(RIVALLED, needed=None), next_drive=NO_PLAN), LOG,
          "No plan: no manoeuvre is within the limits. Next: record"),
         (replace(nothing(), evidence=()), LOG, "Next: adhesion-can run -i INTERFACE -c CHANNEL"),
-        (unexplained(), LOG, "--formula '1 + a * NAME where a=0.01'"),
+        (unexplained(), LOG, "Next: adhesion-can diagnose 'drive one.log' --next-drive plan.toml"),
+        (replace(unexplained(), oscillates=True), LOG,
+         "Next: find what makes the wheels oscillate, record again, then adhesion-can "),
         (replace(unexplained(), closest=named().closest), LOG, "--next-drive plan.toml"),
         (replace(unexplained(), saturated=True), LOG, "widen the range of the clipped"),
     ],
@@ -225,6 +231,46 @@ def test_what_follows_a_diagnosis_is_what_was_not_done_yet(found, typed, wanted)
     assert wanted in said
     assert "\n" not in said
     assert said.count("Next: ") == 1
+
+
+@pytest.mark.parametrize(
+    ("channel", "known", "law"),
+    [
+        ("speed", "speed", "1 + a * speed where a=0.005"),
+        ("axle_load", "speed", "1 + a * load where a=0.01"),
+        ("rain", "rain", "1 + a * rain where a=0.005"),
+        ("oil film", "speed", '1 + a * "oil film" where a=0.01'),
+        ("a", "speed", '1 + a * "a" where a=0.01'),
+    ],
+)
+def test_what_is_unexplained_names_a_law_that_can_be_typed(channel, known, law):
+    profile = replace(unexplained().profile, channel=known, at=np.array([1.0, 20.0]))
+    found = replace(unexplained(), channel=channel, profile=profile)
+    said = after_diagnosis(found, LOG, CONFIGURATION).action
+    (formula,) = shlex.split(said[said.index("adhesion-can") :])[4:5]
+    assert formula == law
+    assert parse_formula(formula).channels == (law.split(" where")[0].split("* ")[1].strip('"'),)
+
+
+@pytest.mark.parametrize("channel", ["tractive_effort", "slip_rate", "position", "time", "axle"])
+def test_a_channel_that_no_formula_has_leads_to_a_plan_and_then_to_a_drive(channel):
+    found = replace(unexplained(), channel=channel)
+    assert "--formula" not in line(found)
+    assert "--next-drive plan.toml" in line(found)
+    assert "as a signal under [channels], then" in line(replace(found, next_drive=NO_PLAN))
+    assert line(found, TABLE).endswith(
+        "as a column, then adhesion-can diagnose NEW.csv --column slip=kappa"
+    )
+
+
+def test_the_next_line_differs_from_the_command_that_was_typed():
+    found = replace(unexplained(), channel="speed")
+    first = line(found)
+    (formula,) = re.findall("--formula '([^']*)'", first)
+    typed = replace(LOG, formulas=(formula,))
+    assert "--next-drive plan.toml" in line(found, typed)
+    planned = replace(found, next_drive=NO_PLAN)
+    assert "diagnose NEW.log" in line(planned, typed)
 
 
 def test_what_is_rerun_keeps_formulas_and_held_out_data():

@@ -138,15 +138,15 @@ def find_shortfall(small: ScoredModel, large: ScoredModel, tested: float) -> str
         or large.rmse_with_speed_errors < (1.0 - least) * small.rmse_with_speed_errors
     )
     if not worth:
-        return f"gain below {100 * least:g} %"
+        return f"gain < {100 * least:g} %"
     limit = (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
     if large.fitted.cross_validated_square >= limit:
-        return f"gain between blocks below {100 * LEAST_WHITENED_GAIN:g} %"
+        return f"block gain < {100 * LEAST_WHITENED_GAIN:g} %"
     by_blocks = gain_p_value(small.fitted, large.fitted) * tested
     same_family = small.fitted.model.curves.family is large.fitted.model.curves.family
     by_signs = large.sign_flips.get(frozenset(small.candidates), 1.0) if same_family else 1.0
     p_value = min(2.0 * min(by_signs, by_blocks), 1.0)
-    return "" if p_value <= LEVEL else f"gain has p = {p_value:.2g}"
+    return "" if p_value <= LEVEL else f"gain p = {p_value:.2g}"
 
 
 def is_worse(best: ScoredModel, other: ScoredModel) -> bool:

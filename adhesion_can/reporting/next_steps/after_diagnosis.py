@@ -1,18 +1,27 @@
 """What to do after a diagnosis."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from adhesion_can.bus.roles import packaged_choices
 from adhesion_can.config import Configuration
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.diagnosis.sentences import unexplained_clause
-from adhesion_can.physics.channels import channel_label
+from adhesion_can.physics.channels import channel_label, model_channel
+from adhesion_can.physics.effects.formula import CONTACT_CHANNELS
 from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 from adhesion_can.reporting.next_steps.quantities import Meaning, describe_cause
 
 WHEEL_RADIUS = "wheel_radius"
 PLAN, MODEL, CALIBRATED = "plan.toml", "model.toml", "calibrated.toml"
 """Names of files that the user has not named."""
+_SIZE = "a"
+"""Constant of a law that is proposed."""
+_NO_FORMULA = ("time_s", "axle")
+"""Channels of a contact that no formula for the adhesion has."""
 DRIVE = "record a drive that sweeps the slip in traction and braking for four minutes"
 
 
@@ -134,9 +143,56 @@ def _after_unexplained(found: Diagnosis, typed: Typed) -> str:
         return "widen the range of the clipped effort signals, and record the drive again"
     if found.closest:
         return _distinguish(found, typed)
-    tested = typed.on_inputs("diagnose", "--formula", "1 + a * NAME where a=0.01")
-    source = "give the column" if typed.tables else "add the signal under [channels]"
-    return f"{source} that may be the cause, or test your own law: {tested}"
+    if found.oscillates:
+        return f"find what makes the wheels oscillate, record again, then {_diagnose_new(typed)}"
+    law = _linear_law(found)
+    if law is not None and not any(law.name in formula for formula in typed.formulas):
+        tested = typed.on_inputs("diagnose", "--formula", law.text)
+        return f"test a law of your own, such as one that is linear in {law.label}: {tested}"
+    if found.next_drive is None and not typed.tables:
+        return typed.on_inputs("diagnose", "--next-drive", PLAN)
+    source = "a column" if typed.tables else "a signal under [channels]"
+    return f"record the quantity that may be the cause as {source}, then {_diagnose_new(typed)}"
+
+
+class _Law(NamedTuple):
+    """A linear law of the channel on which the residual depends.
+
+    Attributes:
+        name: Name of the channel in formulas.
+        label: Label of the channel in sentences.
+        text: Formula that can be typed.
+
+    """
+
+    name: str
+    label: str
+    text: str
+
+
+def _linear_law(found: Diagnosis) -> _Law | None:
+    """The law to try first; None where the residual depends on nothing that a formula can have."""
+    channel = found.channel
+    if channel is None:
+        return None
+    in_contact = {known: name for name, known in CONTACT_CHANNELS.items()}
+    name = in_contact.get(channel) or model_channel(channel)
+    if not name or name in _NO_FORMULA:
+        return None
+    profile = found.profile
+    reach = 0.0
+    if profile is not None and profile.channel == channel and len(profile.at):
+        reach = float(np.abs(profile.at).max())
+    # A tenth of the adhesion at the end of the range: the fit starts from there.
+    start = 0.1 / reach if reach > 0.0 else 0.01
+    term = name if name.isidentifier() and name != _SIZE else f'"{name}"'
+    text = f"1 + {_SIZE} * {term} where {_SIZE}={start:.1g}"
+    return _Law(name, channel_label(channel), text)
+
+
+def _diagnose_new(typed: Typed) -> str:
+    """The diagnosis of a further drive on its own."""
+    return replace(typed, inputs=(Path(_new(typed)),)).on_inputs("diagnose")
 
 
 def _correct(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
@@ -149,16 +205,16 @@ def _correct(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
 
 
 def _use_model(typed: Typed) -> str:
-    """Write the extended model, confirm it on another drive, use it: the first not yet done."""
-    model = typed.outputs.get("--extended")
-    name = "identify" if typed.tables else "replay"
-    if model is None:
-        use = typed.on_inputs(name, "--model", Path(MODEL))
-        return f"{typed.on_inputs('diagnose', '--extended', MODEL)}, then {use}"
-    if not typed.holdout:
-        other = typed.new_file("OTHER")
-        return f"confirm it on another drive: {typed.command('evaluate', other, '--model', model)}"
-    return typed.on_inputs(name, "--model", model)
+    """Write the extended model, confirm it on another drive, use it: what is not yet done."""
+    written = typed.outputs.get("--extended")
+    model = written or Path(MODEL)
+    if typed.holdout:
+        other = replace(typed, inputs=typed.holdout[:1])
+        use = other.on_inputs("identify" if typed.tables else "replay", "--model", model)
+    else:
+        other = replace(typed, inputs=(Path(typed.new_file("OTHER")),))
+        use = f"confirm it on another drive: {other.on_inputs('evaluate', '--model', model)}"
+    return use if written else f"{typed.on_inputs('diagnose', '--extended', model)}, then {use}"
 
 
 def _together(typed: Typed) -> str:
