@@ -69,7 +69,7 @@ class RailPeak:
     def sentence(self) -> str:
         """What holds, in one line."""
         if self.burckhardt_holds:
-            return "Burckhardt's form fits: no other curve family contradicts its peak."
+            return "Burckhardt's peak holds: no other curve family contradicts it."
         mu_max, lambda_m, mu_max_std, lambda_m_std = self.peak
         known, common = self.identifiable, self.common
         several = " (the data cannot distinguish them)" if len(self.plausible) > 1 else ""

@@ -6,6 +6,7 @@ from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.estimation.curve_comparison import LEAST_SAMPLES
 from adhesion_can.estimation.curve_fit import FittedCurve
 from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
+from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.reporting.text import FittingTable, table
 from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale, plus_minus
@@ -49,11 +50,12 @@ def family_lines(result: BatchResult) -> list[str]:
 def render_curves(result: BatchResult) -> list[FittingTable | str]:
     """Table and sentences for each segment whose families were compared."""
     alone = len(result.segments) == 1
+    rails = result.rails or (None,) * len(result.segments)
     parts = [
         part
-        for segment, comparison in zip(result.segments, result.curves, strict=False)
+        for segment, rail, comparison in zip(result.segments, rails, result.curves, strict=False)
         for part in _render_comparison(
-            comparison, "" if alone else f", {result.times.span(segment.from_us, segment.to_us)} s"
+            comparison, "" if alone else _span(result.times, segment), rail
         )
     ]
     if alone or not result.curves:
@@ -94,7 +96,9 @@ def _judge_changes(result: BatchResult) -> list[str]:
     return [sentence]
 
 
-def _render_comparison(comparison: CurveComparison | None, where: str) -> list[FittingTable | str]:
+def _render_comparison(
+    comparison: CurveComparison | None, where: str, rail: RailPeak | None = None
+) -> list[FittingTable | str]:
     if comparison is None:
         return [f"Curve families{where}: fewer than {LEAST_SAMPLES} samples, none compared."]
     rows = [row[:-1] for row in comparison.rows()]
@@ -105,7 +109,7 @@ def _render_comparison(comparison: CurveComparison | None, where: str) -> list[F
     ]
     parts.append(f"Held out: {comparison.held_out}. {SCORE_NOTE}")
     if len(comparison.families) > 1:
-        parts.append(_verdict(comparison))
+        parts.append(_verdict(comparison, rail))
     parts += [
         _describe_polach(s.fit) for s in comparison.families if s.plausible and _is_physical(s.fit)
     ]
@@ -119,14 +123,16 @@ def _parameters(fit: FittedCurve) -> str:
     )
 
 
-def _verdict(comparison: CurveComparison) -> str:
+def _verdict(comparison: CurveComparison, rail: RailPeak | None) -> str:
     mu_std, lambda_std = comparison.rail_std
     names = comparison.plausible
     fits = (
-        f"Only {names[0]} fits."
+        f"{names[0]} predicts held-out samples better than the others, for certain."
         if len(names) == 1
         else f"The data cannot distinguish {', '.join(names[:-1])} and {names[-1]}."
     )
+    if rail is not None and rail.burckhardt_holds and BURCKHARDT not in names:
+        fits += " Its peak agrees with that of burckhardt, which the last line has."
     peak = (
         f"{plus_minus(comparison.mu_max, mu_std)} at a slip of "
         f"{plus_minus(comparison.lambda_m, lambda_std if isfinite(lambda_std) else None)}"

@@ -243,9 +243,7 @@ def test_one_short_line_where_burckhardt_holds(tmp_path, capsys):
     path, out = write_points(tmp_path / "t.csv", samples), tmp_path / "o.json"
     assert main(["identify", str(path), "--json", str(out)]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith(
-        "Burckhardt's form fits: no other curve family contradicts its peak.\n"
-    )
+    assert printed.startswith("Burckhardt's peak holds: no other curve family contradicts it.\n")
     document = json.loads(out.read_text())
     assert document["family"]["name"] == "burckhardt"
     assert document["mu_max"] == document["segments"][0]["mu_max"]

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from adhesion_can.estimation.batch_fit import identify
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.samples import Samples
-from adhesion_can.reporting.curves import render_curves
+from adhesion_can.reporting.curves import _verdict, render_curves
 
 TWO = (FAMILIES["burckhardt"], FAMILIES["burckhardt_c4"])
 
@@ -63,6 +64,27 @@ def test_the_command_prints_table_values_and_verdict(realdata, capsys):
     assert "Held out: 140 points, each predicted" in printed
     assert main(["identify", path]) == 0
     assert "Curve families" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("names", "holds", "agrees"),
+    [
+        (("free",), True, True),
+        (("free",), False, False),
+        (("free", "burckhardt"), True, False),
+        (("burckhardt",), True, False),
+    ],
+)
+def test_a_family_that_predicts_better_does_not_contradict_a_peak_that_holds(names, holds, agrees):
+    common = SimpleNamespace(slip=0.004, adhesion=0.02)
+    comparison = SimpleNamespace(
+        plausible=names, rail_std=(0.008, 0.004), mu_max=0.373, lambda_m=0.074, speed=14.0,
+        common=common,
+    )  # fmt: skip
+    said = _verdict(comparison, SimpleNamespace(burckhardt_holds=holds))
+    assert ("agrees with that of burckhardt, which the last line has" in said) is agrees
+    assert ("predicts held-out samples better than the others" in said) is (len(names) == 1)
+    assert "agrees" not in _verdict(comparison, None)
 
 
 def test_an_unknown_family_ends_with_status_2(realdata, capsys):
