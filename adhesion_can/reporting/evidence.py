@@ -44,7 +44,7 @@ class _Words(NamedTuple):
 
 DECISIONS = {
     Decision.NAMED: _Words(
-        "named", "a cause; the model with it predicts the blocks that were left out best"
+        "named", "a cause; the model with it predicts each block best from the others"
     ),
     Decision.RIVAL: _Words(
         "rival",
@@ -74,7 +74,7 @@ DECISIONS = {
     Decision.NOT_NAMED: _Words(
         "not named",
         "fitted, but it failed the test in its row. gain: of the RMSE. block gain: of the square "
-        "error of blocks that were left out. gain p: p of the gain, "
+        "error of each block, predicted from the others. gain p: p of the gain, "
         f"limit p = {LEVEL:g}. unconfirmed: by the held-out data or a test of refutation. "
         "oscillation, cut-off efforts: they hide every effect. more is left: a channel explains "
         "more than the effect",
