@@ -38,7 +38,7 @@ from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale
 
 BEFORE, AFTER, MEASURED = ORANGE, BLUE, GREY
 PLAIN, EXTENDED = "plain curve", "extended model"
-FLOOR = "Splines, deciding data"
+FLOOR = "splines, deciding data"
 FAMILY_COLOURS = (BEFORE, AFTER, "#009e73", "#cc79a7", "#b8860b")
 """Colours of the families, Burckhardt's first."""
 MOST_POINTS, FEW_POINTS = 3000, 1000
@@ -83,9 +83,9 @@ def gain_figure(gain: Gain, *, extended: bool) -> Figure:
     }
     caption = (
         f"RMSE of the adhesion on held-out data: {PLAIN} and {names[1]}. The whisker is the 95 % "
-        f"interval of the gain. {FLOOR}: RMSE on other rows, the deciding data, of a fit with the "
-        "named effects and a spline in every channel. It can be larger than that of a model on the "
-        "held-out data."
+        f"interval of the gain. '{FLOOR}' is the RMSE on other rows, the deciding data, of a fit "
+        "with the named effects and a spline in every channel. It can be larger than that of a "
+        "model on the held-out data."
     )
     return Figure(caption, data, layout, 210)
 

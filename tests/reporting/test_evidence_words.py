@@ -38,7 +38,7 @@ def test_what_the_evidence_calls_refuted_is_refuted_in_every_list():
 
 def test_an_rmse_has_its_model_and_its_data():
     figure = gain_figure(named().gain, extended=True)
-    assert figure.data[0]["y"] == ["plain curve", "extended model", "Splines, deciding data"]
+    assert figure.data[0]["y"] == ["plain curve", "extended model", "splines, deciding data"]
     assert "on held-out data" in figure.caption
     assert "RMSE on other rows, the deciding data" in figure.caption
     assert "on the deciding data" in model_figure(named().models).caption

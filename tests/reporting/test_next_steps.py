@@ -330,6 +330,25 @@ def test_what_follows_a_replay(doubts, objections, last, wanted):
     assert wanted in after_replay(last, doubts, objected(objections), LOG).line
 
 
+def test_a_doubt_that_stays_with_a_model_does_not_lead_back_to_its_diagnosis():
+    typed = replace(LOG, model=Path("m.toml"))
+    step = after_replay(estimate(), [Doubt.AXLE], ObjectionLog(), typed)
+    assert step.finding.startswith("With the model too: The service doubts its curve")
+    assert step.action == (
+        "test it on another drive: adhesion-can evaluate OTHER.log --model m.toml --config "
+        "tram.toml"
+    )
+
+
+def test_a_useful_model_of_a_table_is_run_and_not_identified_and_evaluated_again():
+    gain = SimpleNamespace(percent=12.0, interval=(8.0, 15.0))
+    found = SimpleNamespace(total=SimpleNamespace(refitted=gain))
+    typed = replace(TABLE, model=Path("m.toml"))
+    assert after_evaluation(found, typed).action == (
+        "adhesion-can run -i INTERFACE -c CHANNEL --model m.toml"
+    )
+
+
 def objected(seconds):
     """The objections of a drive of 10 s that starts with them."""
     out = ObjectionLog()

@@ -100,7 +100,11 @@ def after_replay(
     doubt = next((one for one in doubts if one in DESCRIPTIONS), None)
     if doubt is not None:
         finding = f"The service doubts its curve: {DESCRIPTIONS[doubt]}."
-        return NextStep(finding, typed.on_inputs("diagnose"))
+        if typed.model is None:
+            return NextStep(finding, typed.on_inputs("diagnose"))
+        # The diagnosis of these data has made the model: it would say the same again.
+        again = typed.command("evaluate", typed.new_file("OTHER"), *_model(typed))
+        return NextStep(f"With the model too: {finding}", f"test it on another drive: {again}")
     if last is None:
         reasons = ", ".join(f"{why} ({count})" for why, count in (dropped or {}).items())
         why = f": no sample could be formed: {reasons}" if reasons else ""
@@ -127,7 +131,11 @@ def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
     model = _model(typed)
     again = typed.command("evaluate", typed.new_file("OTHER"), *model)
     actions = {
-        ModelWorth.USEFUL: typed.on_inputs("identify" if typed.tables else "replay", *model),
+        ModelWorth.USEFUL: (
+            typed.command("run", *LIVE, *model)
+            if typed.tables
+            else typed.on_inputs("replay", *model)
+        ),
         ModelWorth.SMALL: f"record a drive in which they act, then {again}",
         ModelWorth.UNKNOWN: f"record a longer drive, then {again}",
     }
