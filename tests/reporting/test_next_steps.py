@@ -241,6 +241,8 @@ def test_what_follows_a_diagnosis_is_what_was_not_done_yet(found, typed, wanted)
         ("rain", "rain", "1 + a * rain where a=0.005"),
         ("oil film", "speed", '1 + a * "oil film" where a=0.01'),
         ("a", "speed", '1 + a * "a" where a=0.01'),
+        ("lambda", "speed", '1 + a * "lambda" where a=0.01'),
+        ("exp", "speed", '1 + a * "exp" where a=0.01'),
     ],
 )
 def test_what_is_unexplained_names_a_law_that_can_be_typed(channel, known, law):

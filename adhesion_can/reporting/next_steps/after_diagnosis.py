@@ -1,5 +1,6 @@
 """What to do after a diagnosis."""
 
+import keyword
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.diagnosis.sentences import unexplained_clause
 from adhesion_can.physics.channels import channel_label, model_channel
+from adhesion_can.physics.effects.expression import FUNCTIONS, LAG
 from adhesion_can.physics.effects.formula import CONTACT_CHANNELS
 from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 from adhesion_can.reporting.next_steps.quantities import Meaning, describe_cause
@@ -148,7 +150,7 @@ def _after_unexplained(found: Diagnosis, typed: Typed) -> str:
     law = _linear_law(found)
     if law is not None and not any(law.name in formula for formula in typed.formulas):
         tested = typed.on_inputs("diagnose", "--formula", law.text)
-        return f"test a law of your own, such as one that is linear in {law.label}: {tested}"
+        return f"test a law of your own in {law.label} (the formula is an example): {tested}"
     if found.next_drive is None and not typed.tables:
         return typed.on_inputs("diagnose", "--next-drive", PLAN)
     source = "a column" if typed.tables else "a signal under [channels]"
@@ -185,7 +187,8 @@ def _linear_law(found: Diagnosis) -> _Law | None:
         reach = float(np.abs(profile.at).max())
     # A tenth of the adhesion at the end of the range: the fit starts from there.
     start = 0.1 / reach if reach > 0.0 else 0.01
-    term = name if name.isidentifier() and name != _SIZE else f'"{name}"'
+    is_word = name.isidentifier() and not keyword.iskeyword(name)
+    term = name if is_word and name not in (_SIZE, LAG, *FUNCTIONS) else f'"{name}"'
     text = f"1 + {_SIZE} * {term} where {_SIZE}={start:.1g}"
     return _Law(name, channel_label(channel), text)
 
