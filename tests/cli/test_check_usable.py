@@ -41,8 +41,8 @@ def test_the_drive_is_usable_as_it_is(log, capsys):
 @pytest.mark.parametrize(
     ("config", "says"),
     [
-        ("[vehicle]\naxle_load_N = 98.1\n", ("axle 1: axle_load_N = 98.1",)),
-        ("[vehicle]\nwheel_radius_m = 9.9\n", ("axle 1: the slip reaches",)),
+        ("[vehicle]\naxle_load_N = 98.1\n", (": axle_load_N = 98.1 in [vehicle]", "axles 1 to 6")),
+        ("[vehicle]\nwheel_radius_m = 9.9\n", ("axles 1 to 6: the slip reaches",)),
         (roles("vehicle_speed"), ("no role gives vehicle speed",)),
         (roles(wheel_speed_2=", factor = -1"), ("axle 2",)),
         (roles(tractive_effort_5=", factor = -1"), ("axle 5",)),
