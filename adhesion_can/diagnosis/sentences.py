@@ -75,7 +75,7 @@ def _shape_sentence(cause: Cause, *, alone: bool) -> str:
     above or below what was measured.
     """
     value = {v.name: measured(v.value, v.std, v.unit) for v in cause.parameters}
-    beside = "" if alone else " (of the curve; the other effects change the adhesion besides)"
+    beside = "" if alone else " (of the curve alone; the other effects also change the adhesion)"
     return (
         f"{cause.title[0].upper()}{cause.title[1:]}: {FAMILIES[cause.form].title} fits better. "
         f"The peak moves from {value['mu_max_before']} at slip {value['lambda_m_before']} to "

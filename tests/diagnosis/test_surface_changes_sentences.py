@@ -143,4 +143,4 @@ def test_the_peak_of_a_shape_beside_effects_is_said_to_be_without_them(alone):
     names = ("mu_max_before", "mu_max_after", "lambda_m_before", "lambda_m_after")
     peak = tuple(ParameterValue(name, 0.3, 0.01, "1", name) for name in names)
     shape = Cause(CURVE_SHAPE, "polach", "the contact is another one", "", peak, 0.001, ())
-    assert ("without the other effects" in cause_sentence(shape, alone=alone)) is not alone
+    assert ("of the curve alone" in cause_sentence(shape, alone=alone)) is not alone
