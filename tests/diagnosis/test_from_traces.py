@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import signal
 
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.diagnosis.drive.smoothing import (
@@ -156,6 +157,30 @@ def test_coverage_matches_a_search_by_hand(there, seed):
 # --- what the efforts explain of the speed
 
 
+def within_seconds(x):
+    """Second differences over a second of values each 20 ms."""
+    return x[100:] - 2 * x[50:-50] + x[:-100]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pull_that_grows_with_the_speed_makes_no_lag(seed):
+    """dv/dt = F/M − k v, as on a track that keeps the speed: the prediction is not early.
+
+    Sweeps of the force with steps; an impulse alone would be early, and miss by 0.008 m/s.
+    """
+    t = np.arange(24_000) * 0.01
+    rng = np.random.default_rng(seed)
+    force = 500e3 * signal.sawtooth(2 * np.pi * t / 20.0) * (np.sin(2 * np.pi * t / 90) > -0.5)
+    true = np.empty(len(t))
+    true[0] = 10.0
+    for k in range(1, len(t)):
+        true[k] = true[k - 1] + 0.01 * (force[k] / 1.65e6 - 0.2 * (true[k - 1] - 10.0))
+    efforts = [SmoothedSignal(t, force, 0 * t, 0.0, np.empty((0, 2)))]
+    speed = trace_of(true[::2] + 0.01 * rng.standard_normal(len(t[::2])))
+    part = predict_speed_from_efforts(speed, 0, efforts)
+    assert np.std(within_seconds(part - true[::2])) < 0.001
+
+
 def test_the_efforts_take_the_fast_part_of_the_speed_off():
     """A train of known mass: what is left beside the impulse is slow, and its mass comes out."""
     t = np.arange(6000) * 0.01
@@ -167,10 +192,8 @@ def test_the_efforts_take_the_fast_part_of_the_speed_off():
     speed = (slow + moved)[::2] + 0.01 * rng.standard_normal(3000)
     efforts = [SmoothedSignal(t, force / 6, 0 * t, 0.0, np.empty((0, 2))) for _ in range(6)]
     part = predict_speed_from_efforts(trace_of(speed), 0, efforts)
-    t_v = t[::2]
-    assert np.ptp((part - moved[::2]) - np.polyval(np.polyfit(t_v, part - moved[::2], 1), t_v)) < (
-        0.05 * np.ptp(moved)
-    )
+    # The distance travelled may have a part of what is slow.
+    assert np.std(within_seconds(part - moved[::2])) < 0.05 * np.std(within_seconds(moved[::2]))
     with_it = smooth_signal(trace_of(speed), 0, SPEED_WINDOWS_S, part)
     without_it = smooth_signal(trace_of(speed), 0, SPEED_WINDOWS_S)
     true = (slow + moved)[::2]
