@@ -12,25 +12,9 @@ from adhesion_can.bus.database import packaged_path
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError
+from tests.cli.init_dialogue import VEHICLE, Terminal
 
 TRAM = Path(__file__).resolve().parents[1] / "data" / "tram.dbc"
-VEHICLE = [
-    "--wheel-radius",
-    "0.33",
-    "--axle-load",
-    "90e3",
-    "--inertia",
-    "60",
-    "--train-mass",
-    "4e4",
-]
-
-
-class Terminal(StringIO):
-    """Typed lines."""
-
-    def isatty(self):
-        return True
 
 
 def test_the_file_of_a_tram_loads(tmp_path, capsys):

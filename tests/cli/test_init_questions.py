@@ -2,31 +2,13 @@
 
 import sys
 import tomllib
-from io import StringIO
 
 import pytest
 
 from adhesion_can import simulate
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
-
-VEHICLE = [
-    "--wheel-radius",
-    "0.33",
-    "--axle-load",
-    "90e3",
-    "--inertia",
-    "60",
-    "--train-mass",
-    "4e4",
-]
-
-
-class Terminal(StringIO):
-    """Typed lines."""
-
-    def isatty(self):
-        return True
+from tests.cli.init_dialogue import VEHICLE, Terminal
 
 
 def database(path, *messages):
