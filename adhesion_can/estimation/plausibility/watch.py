@@ -233,8 +233,8 @@ class PlausibilityWatch(Stateful):
             limit = self._settings.alarm**2 * self._square[number]
             if self._known >= LEAST_KNOWN:
                 followed = wheels * copysign(1.0, rest) >= FOLLOWED * abs(rest)
-                least = max(least, jolt) if number == 0 else least
-                if rest * rest > max(limit, least * least) and not followed:
+                floor = max(least, jolt) if number == 0 else least
+                if rest * rest > max(limit, floor * floor) and not followed:
                     return Objection.SPEED_JUMP if number == 0 else Objection.SPEED_DEVIATES
                 # What is far out counts as half of that: it may be the beginning of a fault.
                 squares.append(min(rest * rest, limit / 4.0))
