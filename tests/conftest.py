@@ -1,10 +1,12 @@
-"""What many tests share: where the real data lie, and quiet hypothesis runs."""
+"""What many tests share: the drawn slow tests, branch coverage, real data, hypothesis' settings."""
 
+import hashlib
 import os
 import signal
 from pathlib import Path
 
 import pytest
+from coverage import Coverage
 from hypothesis import HealthCheck, Phase, settings
 
 settings.register_profile(
@@ -21,6 +23,71 @@ settings.register_profile(
 )
 
 ROOT = Path(__file__).resolve().parent.parent
+DRAWN = 8
+"""One slow test of so many is drawn."""
+COVERING = {
+    *(f"bus/test_{name}.py" for name in ("acceptance", "e2e", "j1939", "receiver", "stuck_signal")),
+    *(f"service/test_{name}.py" for name in ("core", "output_messages", "outputs", "schedule")),
+    "service/test_states.py",
+}
+"""Test files that by themselves have to cover each branch of the modules in pyproject.toml."""
+
+
+def pytest_addoption(parser):
+    group = parser.getgroup("adhesion-can")
+    group.addoption(
+        "--drawn", metavar="WORD", help=f"of the slow tests only one in {DRAWN}, drawn by this word"
+    )
+    group.addoption(
+        "--branch-coverage", action="store_true", help="coverage of what must not be wrong"
+    )
+
+
+def pytest_configure(config):
+    if config.getoption("branch_coverage") and not config.getoption("numprocesses", None):
+        config.pluginmanager.register(CoverageOfSome())
+
+
+def is_drawn(word, name):
+    """Whether a word draws a slow test by its name: the same in each process."""
+    return hashlib.sha256(f"{word} {name}".encode()).digest()[0] % DRAWN == 0
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config, items):
+    word = config.getoption("drawn")
+    if word is None:
+        return
+    left = [i for i in items if i.get_closest_marker("slow") and not is_drawn(word, i.nodeid)]
+    config.hook.pytest_deselected(items=left)
+    items[:] = [one for one in items if one not in set(left)]
+
+
+class CoverageOfSome:
+    """Branch coverage while modules are imported, and in the tests of `COVERING`.
+
+    In the others it would cost time, and count what is not looked at.
+    """
+
+    def __init__(self):
+        self._coverage = Coverage(data_suffix=True)
+        self._coverage.start()
+
+    def pytest_collection_finish(self):
+        self._coverage.stop()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item):
+        if item.path.relative_to(ROOT / "tests").as_posix() not in COVERING:
+            return (yield)
+        self._coverage.start()
+        try:
+            return (yield)
+        finally:
+            self._coverage.stop()
+
+    def pytest_sessionfinish(self):
+        self._coverage.save()
 
 
 @pytest.fixture(scope="session")

@@ -2,9 +2,12 @@
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+
+from tests.conftest import DRAWN, is_drawn
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -59,3 +62,26 @@ def test_the_demo_installs_the_extra_of_its_report_and_says_how_long_that_takes(
     assert any(line.endswith(f"-e {clone}[report]") for line in calls)
     assert calls[-1] == "demo --headless"
     assert "with its extra 'report' (once; one to three minutes)" in done.stderr
+
+
+def collected(*words):
+    """Names of the tests of a file, half of whose tests are slow."""
+    words = ["-m", "pytest", "-q", "--collect-only", *words, "tests/diagnosis/test_delays.py"]
+    done = subprocess.run(
+        [sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
+    )
+    return {line for line in done.stdout.splitlines() if "::" in line}
+
+
+def test_of_the_slow_tests_an_eighth_is_drawn_and_all_others_stay():
+    every, quick = collected(), collected("-m", "not slow")
+    drawn = collected("--drawn", "a")
+    assert quick < every
+    assert drawn == quick | {name for name in every - quick if is_drawn("a", name)}
+
+
+def test_each_slow_test_is_drawn_by_one_commit_in_eight():
+    commits = [f"{number:x}" for number in range(4000)]
+    for name in ("tests/a.py::test_b", "tests/a.py::test_b[c]"):
+        share = sum(is_drawn(one, name) for one in commits) / len(commits)
+        assert share == pytest.approx(1 / DRAWN, rel=0.25)  # five standard deviations

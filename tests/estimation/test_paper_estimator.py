@@ -283,9 +283,11 @@ def test_while_a_change_goes_on_no_mixture_is_called_known():
     # Between the two surfaces' curves there is no third one.
     heights = [float(peak(*theta).mu_max) for theta in (DRY, GREASY)]
     parts = [block(DRY, 1, n=2700), block(GREASY, 2, n=3300, t0=2700)]
-    for e in feed(PaperEstimator(), parts):
-        if e is not None and e.identifiable.both:
-            assert min(abs(e.mu_max / h - 1) for h in heights) < 0.05
+    known = [e for e in feed(PaperEstimator(), parts) if e is not None and e.identifiable.both]
+    near = [min(heights, key=lambda h: abs(e.mu_max / h - 1)) for e in known]
+    assert set(near) == set(heights)  # both surfaces were known
+    for e, height in zip(known, near, strict=True):
+        assert e.mu_max == pytest.approx(height, rel=0.05)
 
 
 @pytest.mark.parametrize("theta", [DRY, WET, GREASY, PAPER], ids=str)

@@ -105,14 +105,15 @@ def own(frames, with_health=False):
 
 
 def assert_replayed(sent, logged, overdue):
-    """A replay sends what the log has of the service, and what was overdue on a busy machine."""
+    """A replay sends what the log has of the service, in its order, and what was overdue besides.
+
+    On an idle machine nothing is; in simulated time (`Played`) the two are equal in each test.
+    """
     again = [(f.t_us, *one) for f, one in zip(owned(sent), own(sent), strict=True)]
     kept = [(f.t_us, *one) for f, one in zip(owned(logged), own(logged), strict=True)]
-    if overdue:
-        assert len(again) - len(kept) <= overdue
-        assert set(kept) <= set(again)
-    else:
-        assert kept == again
+    assert len(again) - len(kept) <= overdue
+    left = iter(again)
+    assert all(frame in left for frame in kept)  # a search in an iterator goes on where it ended
 
 
 @pytest.mark.parametrize("stall_at", [None, 0.8])

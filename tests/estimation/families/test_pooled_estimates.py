@@ -50,16 +50,21 @@ def test_setpoints_are_those_of_the_family(law):
 
 
 def test_after_a_change_of_the_rail_the_old_curve_is_not_sent():
-    """Polach's curve for 30 s, then a wet one: within 2 s nothing of the old level is certain."""
+    """Polach's curve for 30 s, then a wet one: from 2 s on the stated interval has the new peak.
+
+    It is wide: the two curves differ in shape, and the families are pooled over both.
+    """
     for seed in range(2):
         rng = np.random.default_rng(seed)
         dry, wet = polach(), polach(mu0=0.22, stiffness=40.0, left=0.35, rate=0.25)
         parts = [make_samples(dry, rng, 30.0), make_samples(wet, rng, 8.0, begin_s=30.0)]
-        for time_s, speed, estimate in run(Samples.concatenate(parts)):
-            if time_s > 32.0 and estimate.identifiable.both:
-                mu_max, _ = top(wet, speed)
-                error = abs(estimate.mu_max - mu_max)
-                assert error < 3 * estimate.mu_max_std + 0.02 * mu_max
+        late = [one for one in run(Samples.concatenate(parts)) if one[0] > 32.0]
+        assert len(late) == 30
+        for _, speed, estimate in late:
+            mu_max, _ = top(wet, speed)
+            error = abs(estimate.mu_max - mu_max)
+            assert error < 3 * estimate.mu_max_std + 0.02 * mu_max
+            assert estimate.doubt is not Doubt.NONE
 
 
 def test_burckhardts_rail_needs_no_other_family():
