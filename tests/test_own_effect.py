@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -80,6 +81,21 @@ def test_an_installed_effect_is_simulated_diagnosed_and_replayed(installed, tmp_
     assert f'id = "{ID}"' in (tmp_path / "model.toml").read_text()
     assert json.loads((tmp_path / "r.json").read_text())["model"]["path"] == "model.toml"
     assert (tmp_path / "extended.log").read_bytes() != (tmp_path / "plain.log").read_bytes()
+
+
+def test_the_example_passes_the_suite_for_effects(installed, tmp_path):
+    shutil.copy(EXAMPLE / "test_own_effect.py", tmp_path)
+    path = os.pathsep.join([str(installed), str(ROOT)])
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_own_effect.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert "5 passed" in done.stdout, done.stdout
 
 
 def test_without_the_package_its_effect_is_unknown(tmp_path, capsys):

@@ -139,16 +139,6 @@ def test_slips_far_below_the_peak_do_not_identify_it(name, theta, share):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("slip", [0.0, 0.02, 0.3])
-def test_from_a_single_slip_nothing_is_identifiable(name, slip):
-    rng = np.random.default_rng(1)
-    h = np.full(2 * BLOCK, slip)
-    e = feed(make(name), Samples.curve(h, curve(h, *DRY) + 0.01 * rng.standard_normal(len(h))))[-1]
-    sound(e)
-    assert not e.identifiable.both
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_from_a_few_samples_nothing_is_identifiable(name):
     e = feed(make(name, block=12), stretch(DRY, 1, n=12), 1)[-1]
     assert e is None or not (e.identifiable.mu_max or e.identifiable.lambda_m)
@@ -256,14 +246,6 @@ def test_no_samples_give_the_last_estimate(name):
     assert estimator.update(NOTHING, 0) is None
     first = feed(estimator, stretch(DRY, 1, n=2 * BLOCK))[-1]
     assert estimator.update(NOTHING, 0) == replace(first, change_probability=0.0)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_same_samples_same_estimates(name):
-    data = stretch(DRY, 1, n=2 * BLOCK, sd=0.05)
-    one, two = (feed(make(name), data)[-1] for _ in range(2))
-    assert one.theta == two.theta
-    assert np.array_equal(one.covariance, two.covariance)
 
 
 @pytest.mark.parametrize("name", ["de", "scipy-de"])

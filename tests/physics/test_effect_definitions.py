@@ -2,30 +2,26 @@
 
 import ast
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import adhesion_can
-from adhesion_can.physics.channels import CHANNEL_BY_NAME
 from adhesion_can.physics.effects import (
     EFFECTS,
     MIN_FACTOR,
     ActiveEffect,
-    Contact,
     ContactEffect,
-    InstrumentEffect,
     LagStates,
-    Requirements,
-    acts_in_contact,
     build_instruments,
     compute_change,
     effect_by_id,
 )
-from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.testing.effects import EffectSuite, draw_contact
 
 CONTRACT_IDS = {
     *("speed_dependence", "load_dependence", "falling_friction", "wheelset_inertia"),
@@ -38,7 +34,6 @@ CONTRACT_IDS = {
     "wheel_once_per_turn",
 }
 IN_CONTACT = [effect for effect in EFFECTS if isinstance(effect, ContactEffect)]
-IN_INSTRUMENTS = [effect for effect in EFFECTS if isinstance(effect, InstrumentEffect)]
 RH, RAIL_T, SAND, CURVE, RAIN = (
     *("relative_humidity_percent", "rail_temperature_degC", "sanding_active", "curvature_per_m"),
     "rain",
@@ -49,39 +44,10 @@ def named(effect):
     return f"{effect.id}:{effect.form}" if effect.form else effect.id
 
 
-EVERY = pytest.mark.parametrize("effect", EFFECTS, ids=named)
-EVERY_CONTACT = pytest.mark.parametrize("effect", IN_CONTACT, ids=named)
-EVERY_INSTRUMENT = pytest.mark.parametrize("effect", IN_INSTRUMENTS, ids=named)
-
-
-def contact(seed=3, n=180, dt=0.01, axles=6, **changes):
-    """A drive of `n` samples at `axles` axles in turn, all channels at random."""
-    rng = np.random.default_rng(seed)
-    slip, speed = 0.1 * np.cumsum(rng.uniform(-0.1, 0.1, n)), rng.uniform(3.0, 40.0, n)
-    axle = np.arange(n) % axles + 1.0
-    state = Contact(
-        slip=slip,
-        creep_speed=slip * speed,
-        speed=speed,
-        load=rng.uniform(1.5e5, 2.6e5, n),
-        time_s=4.0 + dt * (np.arange(n) // axles),
-        axle=axle,
-        place=axles + 1.0 - axle,  # running backwards
-        adhesion=rng.uniform(-0.4, 0.4, n),
-        covariates={
-            RH: rng.uniform(20.0, 100.0, n),
-            RAIL_T: rng.uniform(-10.0, 40.0, n),
-            SAND: rng.integers(0, 2, n).astype(float),
-            CURVE: rng.uniform(-1 / 300, 1 / 300, n),
-            RAIN: rng.integers(0, 3, n).astype(float),
-        },
-    )
-    return replace(state, **changes)
-
-
-def typical(effect, size=None):
-    values = [p.typical for p in effect.parameters]
-    return tuple(values if size is None else [size, *values[1:]])
+def contact(**changes):
+    """A drive, all channels at random, with some of them given."""
+    sizes = {name: changes.pop(name) for name in ("n", "dt") if name in changes}
+    return replace(draw_contact(**sizes), **changes)
 
 
 def changed(name, at, *values, form=""):
@@ -118,38 +84,12 @@ def test_unknown_id_or_form_names_the_known_ones(name, form):
         effect_by_id(name, form)
 
 
-@EVERY
-def test_definition_is_complete(effect):
-    assert isinstance(effect, ContactEffect) != isinstance(effect, InstrumentEffect)
-    assert acts_in_contact(effect) == isinstance(effect, ContactEffect)
-    assert effect.literature.strip()
-    assert effect.title.strip()
-    assert effect.title[0].islower()  # it follows a 'because'
-    assert effect.parameters
-    assert len({p.name for p in effect.parameters}) == len(effect.parameters)
-    for parameter in effect.parameters:
-        assert parameter.name.strip()
-        assert parameter.unit.strip()
-        assert parameter.meaning.strip()
-        assert parameter.lower <= parameter.typical <= parameter.upper
-        assert parameter.lower < parameter.upper
-        assert parameter.typical != 0.0
-        assert math.isfinite(parameter.lower)
-        assert math.isfinite(parameter.upper)
-    assert effect.parameters[0].lower <= 0.0 <= effect.parameters[0].upper
+class TestEach(EffectSuite):
+    """Each effect of the registry, and each of its forms."""
 
-
-@EVERY
-def test_definition_states_what_it_requires_and_how_it_shows(effect):
-    assert isinstance(effect.requires, Requirements)
-    observability = effect.observability
-    assert observability.channel in CHANNEL_BY_NAME
-    assert observability.excitation.strip()
-    for separation in observability.separations:
-        assert separation.rival in CONTRACT_IDS - {effect.id}
-        assert separation.manoeuvre.strip()
-    if set(effect.requires.covariates) & set(CHANNEL_BY_NAME):
-        assert observability.channel in effect.requires.covariates
+    @pytest.fixture(autouse=True, params=EFFECTS, ids=named)
+    def choose(self, request):
+        self.effect = request.param
 
 
 def test_forms_of_a_mechanism_agree_on_what_they_require_and_how_they_show():
@@ -192,66 +132,6 @@ def test_what_is_particular_to_an_effect_stands_in_its_definition_alone():
 def test_errors_of_single_axles():
     single = {"wheel_radius", "sanding", "effort_gain", "wheel_once_per_turn"}
     assert {e.id for e in EFFECTS for p in e.parameters if p.axle} == single
-
-
-# ------------------------------------------------------------------- nothing, something, bounds
-
-
-@EVERY_CONTACT
-@pytest.mark.parametrize("n", [1, 6, 180])
-def test_size_zero_changes_nothing_in_the_contact(effect, n):
-    at = contact(n=n)
-    change = effect.change(at, typical(effect, 0.0), LagStates())
-    assert change.slip == pytest.approx(at.slip, abs=1e-15)
-    assert np.broadcast_to(change.factor, (n,)) == pytest.approx(np.ones(n), abs=1e-15)
-
-
-@EVERY_INSTRUMENT
-def test_size_zero_changes_nothing_in_the_instruments(effect):
-    amended = effect.amend(PERFECT, typical(effect, 0.0))
-    assert amended.vehicle(Locomotive()) == Locomotive()
-    assert amended.radius_factor(6).tolist() == [1.0] * 6
-    for field in fields(Instruments):
-        if field.name == "laws":
-            assert amended.laws == ()
-        elif field.name != "radius_error":
-            assert getattr(amended, field.name) == 0.0
-
-
-@EVERY_CONTACT
-def test_typical_size_is_seen_and_leaves_its_inputs_alone(effect):
-    at = contact()
-    at = replace(at, series_s=at.time_s.copy())
-    kept = [getattr(at, field.name) for field in fields(Contact) if field.name != "covariates"]
-    kept += at.covariates.values()
-    copies = [array.copy() for array in kept]
-    change = effect.change(at, typical(effect), LagStates())
-    moved = np.abs(change.slip - at.slip).max() + np.abs(np.asarray(change.factor) - 1.0).max()
-    assert moved > 1e-3
-    assert all(np.array_equal(a, b) for a, b in zip(kept, copies, strict=True))
-
-
-@EVERY_INSTRUMENT
-def test_typical_size_is_an_error_of_its_own_field(effect):
-    amended = effect.amend(PERFECT, typical(effect))
-    different = [
-        f.name for f in fields(Instruments) if getattr(amended, f.name) != getattr(PERFECT, f.name)
-    ]
-    assert len(different) == 1
-    assert effect.amend(PERFECT, typical(effect)) == amended
-
-
-@EVERY_CONTACT
-@pytest.mark.parametrize("bound", ["lower", "upper"])
-def test_no_size_within_its_bounds_turns_adhesion_round(effect, bound):
-    at = contact()
-    values = tuple(getattr(p, bound) for p in effect.parameters)
-    change = compute_change([ActiveEffect(effect, values)], at, LagStates())
-    factor = np.broadcast_to(change.factor, at.slip.shape)
-    assert np.isfinite(change.slip).all()
-    assert np.isfinite(factor).all()
-    # A slip of curves has no share of the adhesion at all where the wheel only rolls.
-    assert (factor >= MIN_FACTOR).all()
 
 
 # --------------------------------------------------------------------------- formulas, by hand

@@ -24,8 +24,8 @@ from adhesion_can.estimation.likelihood import innovation, sensitivity, sum_of_s
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
-BlockFit = Callable[[Samples, Estimate | None], Estimate]
-"""Fit of one block, given the estimate of the block before."""
+BlockFit = Callable[[Samples, Estimate | None, np.random.Generator], Estimate]
+"""Fit of one block, given the estimate of the block before and the estimator's random numbers."""
 
 REFIT_RATIO = 1.2
 """Residual, over that of the last fit, from which a refinement is repeated from a scan.
@@ -40,14 +40,21 @@ class BlockEstimator:
     Args:
         block: Number of samples of a block.
         identifiability: Settings with the range of slip.
-        fit_block: Fit of one block, given the estimate of the block before.
+        fit_block: Fit of one block.
+        rng: Generator of the fit's random numbers, the estimator's own: a copy of the estimator
+            draws as it would have drawn. None for a fit that draws none.
 
     """
 
     def __init__(
-        self, block: int, identifiability: IdentifiabilitySettings, fit_block: BlockFit
+        self,
+        block: int,
+        identifiability: IdentifiabilitySettings,
+        fit_block: BlockFit,
+        rng: np.random.Generator | None = None,
     ) -> None:
         self._block = block
+        self._rng = np.random.default_rng(0) if rng is None else rng
         self._slip_max = identifiability.slip_max
         self._fit = fit_block
         self._waiting: deque[Samples] = deque()
@@ -68,7 +75,7 @@ class BlockEstimator:
         return self._current
 
     def _add(self, block: Samples) -> None:
-        fresh, current = self._fit(block, self._current), self._current
+        fresh, current = self._fit(block, self._current, self._rng), self._current
         self._current = (
             fresh if current is None else replace(fresh, surface_since_us=current.surface_since_us)
         )
@@ -91,12 +98,12 @@ def evolution_estimator(
     rng = np.random.default_rng(settings.seed)
     unused = first_theta(settings, rng)
 
-    def fit_block(block: Samples, last: Estimate | None) -> Estimate:
+    def fit_block(block: Samples, last: Estimate | None, rng: np.random.Generator) -> Estimate:
         del last
         found = search(*block.folded(), unused, ordinary, rng)
         return assess(found.theta, found.cost, block, identifiability)
 
-    return BlockEstimator(settings.block, identifiability, fit_block)
+    return BlockEstimator(settings.block, identifiability, fit_block, rng)
 
 
 def scipy_evolution_estimator(
@@ -115,10 +122,9 @@ def scipy_evolution_estimator(
         identifiability: Limits from which the peak counts as identifiable, and range of slip.
 
     """
-    rng = np.random.default_rng(settings.seed)
     bounds = list(zip(settings.lower, settings.upper, strict=True))
 
-    def fit_block(block: Samples, last: Estimate | None) -> Estimate:
+    def fit_block(block: Samples, last: Estimate | None, rng: np.random.Generator) -> Estimate:
         del last
         h, z = block.folded()
         objective = Objective(h, z)
@@ -137,7 +143,8 @@ def scipy_evolution_estimator(
         )
         return assess(found.x, sum_of_squares(found.x, h, z), block, identifiability)
 
-    return BlockEstimator(settings.block, identifiability, fit_block)
+    rng = np.random.default_rng(settings.seed)
+    return BlockEstimator(settings.block, identifiability, fit_block, rng)
 
 
 def least_squares_estimator(
@@ -151,7 +158,8 @@ def least_squares_estimator(
 
     """
 
-    def fit_block(block: Samples, last: Estimate | None) -> Estimate:
+    def fit_block(block: Samples, last: Estimate | None, rng: np.random.Generator) -> Estimate:
+        del rng
         return fit_from(last, block, settings, identifiability)
 
     return BlockEstimator(settings.block, identifiability, fit_block)
