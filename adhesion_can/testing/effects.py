@@ -34,9 +34,9 @@ RANGES: Mapping[Role, tuple[float, float]] = {
     Role.CURVATURE: (-1 / 300, 1 / 300),
     Role.GRADIENT: (-0.03, 0.03),
 }
-"""Ends of the covariates that vary continuously, in their units."""
-STATES: Mapping[Role, int] = {Role.SANDING: 2, Role.RAIN: 3}
-"""Number of states 0, 1, .. of the other covariates."""
+"""Ends of the covariates that vary continuously, in their units; of others 0 and 1."""
+STATES = 3
+"""Number of states 0, 1, .. of the covariates that have steps."""
 LEAST_CHANGE = 1e-3
 """Least change of slip or factor that counts as visible."""
 
@@ -65,8 +65,10 @@ def draw_contact(seed: int = 3, n: int = 180, dt: float = 0.01, axles: int = 6) 
         place=axles + 1.0 - axle,
         adhesion=rng.uniform(-0.4, 0.4, n),
         covariates={
-            **{COVARIATES[role]: rng.uniform(*ends, n) for role, ends in RANGES.items()},
-            **{COVARIATES[r]: rng.integers(0, k, n).astype(float) for r, k in STATES.items()},
+            name: rng.integers(0, STATES, n).astype(np.float64)
+            if CHANNEL_BY_NAME[name].steps
+            else rng.uniform(*RANGES.get(role, (0.0, 1.0)), n)
+            for role, name in COVARIATES.items()
         },
     )
 
