@@ -15,7 +15,7 @@ EXAMPLES = {
     "A role": r"Role\.RAIN\b|\bRAIN =|\bRain\b",
     "An estimator": r"ekf_estimator",
     "A format of written files": r"class ParquetPartFile|\"parquet_file\"",
-    "A column of `replay --table`": r"surface_age_s=max|_number\(\"surface_age_s|`surface_age_s` \(s\)",
+    "A column of `replay --table`": r"age_s=max|_number\(\"surface_age_s|`surface_age_s` \(s\)",
     "A command": r"cli\.check\b|^\"\"\"`check`|\"check\":",
 }
 
