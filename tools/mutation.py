@@ -1,4 +1,8 @@
-"""Mutants of the modules of tools/mutation.toml by Cosmic Ray, in a copy below build/mutation."""
+"""Mutants of the modules of tools/mutation.toml by Cosmic Ray, in a copy below build/mutation.
+
+All mutants of the modules under [tests] are judged. Of those of a package under [[package]] a
+number is drawn by the hash of what is changed: a change of one module draws no others elsewhere.
+"""
 
 import argparse
 import ast
@@ -91,16 +95,19 @@ class Session:
 
     Args:
         module: Path of the module in the repository.
+        tests: Test files that judge its mutants.
         settings: Contents of tools/mutation.toml.
 
     """
 
-    def __init__(self, module: str, settings: dict) -> None:
+    def __init__(self, module: str, tests: list[str], settings: dict) -> None:
         self.module = module
-        self.tests = settings["tests"][module]
+        self.tests = tests
         self._skipped = settings["skipped_operators"]
         self._source = (ROOT / module).read_text()
-        self._database = BUILD / f"{Path(module).stem}.sqlite"
+        self._places, self._operators = untouched(self._source), re.compile("|".join(self._skipped))
+        name = "-".join(Path(module).with_suffix("").parts[1:])
+        self._database = BUILD / f"{name}.sqlite"
         self._config = self._database.with_suffix(".toml")
         self._key = self._database.with_suffix(".key")
         config = {
@@ -112,23 +119,55 @@ class Session:
         }
         self._wanted = serialize_config(config)
 
-    def run(self, *, survivors_only: bool) -> None:
-        """Judge the mutants that have no result yet."""
+    def prepare(self, *, survivors_only: bool) -> None:
+        """Forget what was judged of other code or by other tests."""
         key = self._hash_copy()
-        known = self._key.read_text().split() if self._key.exists() else []
+        known = self._key.read_text().splitlines()[:2] if self._key.exists() else []
         self._config.write_text(self._wanted)
         if known != key:
             if survivors_only and known[:1] == key[:1]:
                 self._forget_survivors()
             else:
                 self._begin()
-            self._cosmic_ray("baseline", self._config)
-            self._key.write_text("\n".join(key))
+            self._key.write_text("\n".join([*key, "baseline to be run"]))
         elif survivors_only:
             self._forget_survivors()
+
+    def draws(self, seed: int) -> dict[str, str]:
+        """Hash of each mutant's place and kind, by its job: the smallest ones are drawn."""
+        lines, seen, found = self._source.splitlines(), Counter(), {}
+        with use_db(self._database, WorkDB.Mode.open) as work:
+            items = [item for item in work.work_items if not self._is_left_out(item)]
+        for item in sorted(items, key=_place):
+            (mutation,) = item.mutations
+            where, line = mutation.start_pos[0], lines[mutation.start_pos[0] - 1].strip()
+            words = f"{seed} {self.module} {name_at(self._source, where)} {line}"
+            words += f" {mutation.operator_name} {mutation.operator_args}"
+            seen[words] += 1
+            found[item.job_id] = hashlib.sha256(f"{words} {seen[words]}".encode()).hexdigest()
+        return found
+
+    def keep(self, jobs: set[str]) -> None:
+        """Judge these mutants alone."""
+        with use_db(self._database, WorkDB.Mode.open) as work:
+            results = dict(work.results)
+            for item in work.work_items:
+                if item.job_id not in jobs and item.job_id not in results:
+                    work.set_result(item.job_id, WorkResult(WorkerOutcome.SKIPPED))
+        # Cosmic Ray has no function that takes a result back.
+        with closing(sqlite3.connect(self._database)) as database, database:
+            for job in jobs:
+                database.execute(
+                    "DELETE FROM work_results WHERE job_id = ? AND worker_outcome = 'SKIPPED'",
+                    (job,),
+                )
+
+    def run(self) -> None:
+        """Judge the mutants that have no result yet."""
         with use_db(self._database, WorkDB.Mode.open) as work:
             pending = len(list(work.pending_work_items))
         if pending:
+            self._check_baseline()
             print(
                 f"mutation: {self.module}, {pending} mutants to judge", file=sys.stderr, flush=True
             )
@@ -160,6 +199,13 @@ class Session:
         beside = [path for folder in folders for path in folder.glob("*.py")]
         return [code + settings, digest(shared + beside)]
 
+    def _check_baseline(self) -> None:
+        """Whether the tests pass without a mutant, once for a state of code and tests."""
+        key = self._key.read_text().splitlines()
+        if len(key) > 2:
+            self._cosmic_ray("baseline", self._config)
+            self._key.write_text("\n".join(key[:2]))
+
     def _describe(self, item: WorkItem, result: WorkResult) -> Mutant:
         lines = result.diff.splitlines()[3:]
         before, after = (
@@ -172,16 +218,18 @@ class Session:
     def _begin(self) -> None:
         self._database.unlink(missing_ok=True)
         self._cosmic_ray("init", self._config, self._database)
-        skipped, places = re.compile("|".join(self._skipped)), untouched(self._source)
         with use_db(self._database, WorkDB.Mode.open) as work:
             for item in list(work.pending_work_items):
-                (mutation,) = item.mutations
-                inside = any(begin <= mutation.start_pos < end for begin, end in places)
-                if inside or skipped.match(mutation.operator_name):
+                if self._is_left_out(item):
                     work.set_result(item.job_id, WorkResult(WorkerOutcome.SKIPPED))
 
+    def _is_left_out(self, item: WorkItem) -> bool:
+        """Whether no test can judge a mutant, or its operator is skipped."""
+        (mutation,) = item.mutations
+        inside = any(begin <= mutation.start_pos < end for begin, end in self._places)
+        return inside or bool(self._operators.match(mutation.operator_name))
+
     def _forget_survivors(self) -> None:
-        # Cosmic Ray has no function that takes a result back.
         with closing(sqlite3.connect(self._database)) as database, database:
             database.execute(
                 "DELETE FROM work_results WHERE test_outcome = 'SURVIVED' OR output = 'timeout'"
@@ -191,6 +239,50 @@ class Session:
         done = subprocess.run(["cosmic-ray", *map(str, arguments)], cwd=COPY, check=False)
         if done.returncode:
             raise SystemExit(f"mutation: {self.module}: cosmic-ray {arguments[0]} failed")
+
+
+def _place(item: WorkItem) -> tuple[object, ...]:
+    """Order of mutants in a module."""
+    (mutation,) = item.mutations
+    return mutation.start_pos, mutation.operator_name, mutation.occurrence
+
+
+class Package:
+    """Modules of a folder, of whose mutants some are drawn.
+
+    Args:
+        described: Table [[package]] of tools/mutation.toml.
+        settings: All of it.
+
+    """
+
+    def __init__(self, described: dict, settings: dict) -> None:
+        self.name = described["folder"]
+        self._drawn, self._seed = described["drawn"], described["seed"]
+        self.least_killed = described["least_killed"]
+        left_out = {*described.get("left_out", {}), *settings["tests"]}
+        own = described.get("tests_of", {})
+        paths = sorted(
+            path.relative_to(ROOT).as_posix()
+            for path in (ROOT / self.name).glob(described.get("files", "*.py"))
+        )
+        self.sessions = [
+            Session(path, own.get(Path(path).name, described["tests"]), settings)
+            for path in paths
+            if path not in left_out and Path(path).name not in {"__init__.py", *left_out}
+        ]
+
+    def run(self, *, survivors_only: bool) -> None:
+        """Judge the mutants that are drawn."""
+        draws = []
+        for session in self.sessions:
+            session.prepare(survivors_only=survivors_only)
+            draws += [(rank, session, job) for job, rank in session.draws(self._seed).items()]
+        chosen = sorted(draws, key=lambda one: one[0])[: self._drawn]
+        for session in self.sessions:
+            session.keep({job for _, owner, job in chosen if owner is session})
+        for session in self.sessions:
+            session.run()
 
 
 def copy_sources() -> None:
@@ -210,16 +302,18 @@ def known_survivors(settings: dict) -> dict[Mutant, str]:
     }
 
 
-def report(sessions: list[Session], known: dict[Mutant, str]) -> int:
+def report(sessions: list[Session], known: dict[Mutant, str], *, by_module: bool = True) -> int:
     """Print the table and the survivors; the number of survivors that are not known."""
     fates = ("killed", "survived", "timed out")
     survivors = []
-    print("| module | mutants | " + " | ".join(fates) + " |\n|---|---|---|---|---|")
+    if by_module:
+        print("| module | mutants | " + " | ".join(fates) + " |\n|---|---|---|---|---|")
     for session in sessions:
         results = list(session.results())
         counts = Counter(fate for _, fate in results)
         cells = [session.module, len(results), *(counts[fate] for fate in fates)]
-        print("| " + " | ".join(map(str, cells)) + " |")
+        if by_module:
+            print("| " + " | ".join(map(str, cells)) + " |")
         survivors += [mutant for mutant, fate in results if fate == "survived"]
         modules = {mutant for mutant in known if mutant.module == session.module}
         for mutant in sorted(modules - set(survivors)):
@@ -233,31 +327,62 @@ def report(sessions: list[Session], known: dict[Mutant, str]) -> int:
     return unknown
 
 
+def report_package(package: Package, known: dict[Mutant, str]) -> bool:
+    """Print a package's share of killed mutants and its survivors; whether the share is too small.
+
+    A mutant that survives for a known reason counts neither way: no test can or need notice it.
+    """
+    results = [one for session in package.sessions for one in session.results()]
+    excused = [mutant for mutant, fate in results if fate == "survived" and mutant in known]
+    judged = len(results) - len(excused)
+    killed = sum(fate != "survived" for _, fate in results)
+    share = killed / judged if judged else 0.0
+    met = "met" if share >= package.least_killed else "MISSED"
+    print(
+        f"{package.name}: {len(results)} drawn, {killed} killed, {len(excused)} survive for a known "
+        f"reason, {judged - killed} for none: {share:.1%} killed (target "
+        f"{package.least_killed:.0%}: {met})"
+    )
+    report(package.sessions, known, by_module=False)
+    return share < package.least_killed
+
+
 def main() -> int:
-    """Run the command; 1 where a mutant survived that is not known."""
+    """Run the command; 1 where a survivor of [tests] is not known, or a share is too small."""
     # As Ctrl-C, which ends what it began as well: else mutants would go on without it.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     settings = tomllib.loads((ROOT / "tools" / "mutation.toml").read_text())
-    by_name = {Path(module).stem: module for module in settings["tests"]}
-    parser = argparse.ArgumentParser(prog="tools/mutation", description=__doc__)
-    parser.add_argument("modules", nargs="*", metavar="MODULE", help=", ".join(by_name))
+    modules = {Path(module).stem: module for module in settings["tests"]}
+    packages = {one["name"]: one for one in settings.get("package", [])}
+    parser = argparse.ArgumentParser(prog="tools/mutation", description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join([*modules, *packages]))
     parser.add_argument(
         "--survivors", action="store_true", help="only what survived or timed out before"
     )
     parser.add_argument("--print", action="store_true", help="what there is, without a run")
     options = parser.parse_args()
-    for name in set(options.modules) - set(by_name):
-        parser.error(f"no module {name}; there are: {', '.join(by_name)}")
-    chosen = [by_name[name] for name in options.modules or by_name]
-    sessions = [Session(module, settings) for module in chosen]
+    for name in set(options.names) - {*modules, *packages}:
+        parser.error(f"no module or package {name}; there are: {', '.join([*modules, *packages])}")
+    chosen = options.names or [*modules, *packages]
+    sessions = [
+        Session(modules[name], settings["tests"][modules[name]], settings)
+        for name in chosen
+        if name in modules
+    ]
+    drawn = [Package(packages[name], settings) for name in chosen if name in packages]
     if not options.print:
         copy_sources()
         for session in sessions:
-            session.run(survivors_only=options.survivors)
-    unknown = report(sessions, known_survivors(settings))
+            session.prepare(survivors_only=options.survivors)
+            session.run()
+        for package in drawn:
+            package.run(survivors_only=options.survivors)
+    known = known_survivors(settings)
+    unknown = report(sessions, known) if sessions else 0
+    missed = [package.name for package in drawn if report_package(package, known)]
     if unknown:
         print(f"\nmutation: {unknown} survivors are not known", file=sys.stderr)
-    return int(unknown > 0)
+    return int(unknown > 0 or bool(missed))
 
 
 if __name__ == "__main__":
