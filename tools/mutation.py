@@ -150,10 +150,8 @@ class Session:
     def keep(self, jobs: set[str]) -> None:
         """Judge these mutants alone."""
         with use_db(self._database, WorkDB.Mode.open) as work:
-            results = dict(work.results)
-            for item in work.work_items:
-                if item.job_id not in jobs and item.job_id not in results:
-                    work.set_result(item.job_id, WorkResult(WorkerOutcome.SKIPPED))
+            others = [one.job_id for one in work.pending_work_items if one.job_id not in jobs]
+            work.set_multiple_results(others, WorkResult(WorkerOutcome.SKIPPED))
         # Cosmic Ray has no function that takes a result back.
         with closing(sqlite3.connect(self._database)) as database, database:
             for job in jobs:
@@ -219,9 +217,8 @@ class Session:
         self._database.unlink(missing_ok=True)
         self._cosmic_ray("init", self._config, self._database)
         with use_db(self._database, WorkDB.Mode.open) as work:
-            for item in list(work.pending_work_items):
-                if self._is_left_out(item):
-                    work.set_result(item.job_id, WorkResult(WorkerOutcome.SKIPPED))
+            left_out = [one.job_id for one in work.pending_work_items if self._is_left_out(one)]
+            work.set_multiple_results(left_out, WorkResult(WorkerOutcome.SKIPPED))
 
     def _is_left_out(self, item: WorkItem) -> bool:
         """Whether no test can judge a mutant, or its operator is skipped."""
@@ -339,8 +336,8 @@ def report_package(package: Package, known: dict[Mutant, str]) -> bool:
     share = killed / judged if judged else 0.0
     met = "met" if share >= package.least_killed else "MISSED"
     print(
-        f"{package.name}: {len(results)} drawn, {killed} killed, {len(excused)} survive for a known "
-        f"reason, {judged - killed} for none: {share:.1%} killed (target "
+        f"{package.name}: {len(results)} drawn, {killed} killed, {len(excused)} survive for a "
+        f"known reason, {judged - killed} for none: {share:.1%} killed (target "
         f"{package.least_killed:.0%}: {met})"
     )
     report(package.sessions, known, by_module=False)
