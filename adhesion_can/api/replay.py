@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
-from adhesion_can.arrays import Array
 from adhesion_can.offline.recording_fit import SeenIds, require_fit
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.recordings.sequence import blocks_in_sequence
-from adhesion_can.reporting.export import Field
-from adhesion_can.reporting.setpoints import FIELDS, setpoint_row
+from adhesion_can.reporting.setpoints import COLUMNS, setpoint_row
 from adhesion_can.result_text import html_table
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
@@ -93,14 +91,8 @@ def replay(
     require_frames_in_span(summary, from_s, where)
     samples = core.counts.samples
     require_fit(core.receiver, summary.frames, seen, settings, where, samples=samples)
-    values = np.array(rows, dtype=np.float64).reshape(-1, len(FIELDS)).T
+    numbers = np.array(rows, dtype=np.float64).reshape(-1, len(COLUMNS)).T
     columns = {
-        field.name: _texts(field, column) if field.text else column
-        for field, column in zip(FIELDS, values, strict=True)
+        column.field.name: column.values(n) for column, n in zip(COLUMNS, numbers, strict=True)
     }
     return SetpointTable({"time_s": np.array(times, dtype=np.float64) / 1e6, **columns})
-
-
-def _texts(field: Field, numbers: Array) -> NDArray[np.str_]:
-    """Names that numbers stand for; '' where not available."""
-    return np.array([field.names.get(number, "") for number in numbers.tolist()], np.str_)

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from adhesion_can.bus.block import Block, Kind
+from adhesion_can.bus.block import Block, Kind, to_micros
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.candump import ReadReport
 
 KIND_NAMES = {Kind.DATA: "frame", Kind.FD: "fd", Kind.REMOTE: "remote", Kind.ERROR: "error"}
 """Names of the kinds of frames, as `ReadReport` counts them."""
-
-
+_NO_BUS = -1
+"""Number of the bus of a recording that has begun with marks alone."""
 _KEPT = np.array([(1 << 8 * count) - 1 for count in range(9)], np.uint64)
 """Masks of words, by the number of a word's bytes that belong to the payload, 0..8."""
 
@@ -47,23 +47,40 @@ class NumberedBuses:
     def __init__(self, name: Callable[[int], str]) -> None:
         self._name = name
         self._places: dict[int, int] = {}
+        self._names: tuple[str, ...] = ()
 
     def named(self, rows: Block) -> Block:
         """Rows with the names of their buses, and words no wider than needed.
 
         Args:
-            rows: Next rows of the recording, at least one; `channel` has the numbers of buses.
+            rows: Next rows of the recording; `channel` has the numbers of their buses, 0 in marks.
 
         """
-        found, first, which = np.unique(rows.channel, return_index=True, return_inverse=True)
-        for number in found[np.argsort(first)].tolist():
-            self._places.setdefault(number, len(self._places))
-        places = np.array([self._places[number] for number in found.tolist()], np.uint16)
+        if not len(rows):
+            return replace(rows, channels=self._names)
+        frames = rows.kind < Kind.ADVANCE
+        has_marks = not frames.all()
+        numbers = rows.channel[frames] if has_marks else rows.channel
+        found = np.flatnonzero(np.bincount(numbers))
+        new = [number for number in found.tolist() if number not in self._places]
+        if len(new) > 1:
+            seen, first = np.unique(numbers, return_index=True)
+            order = dict(zip(seen.tolist(), first.tolist(), strict=True))
+            new.sort(key=order.__getitem__)
+        if not self._places and not new:
+            new = [_NO_BUS]
+        self._places |= {number: len(self._places) + n for n, number in enumerate(new)}
+        self._names += tuple("" if number == _NO_BUS else self._name(number) for number in new)
+        table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint16)
+        table[found] = [self._places[number] for number in found.tolist()]
+        channel = table[rows.channel]
+        if has_marks:
+            channel[~frames] = 0
         return replace(
             rows,
-            channel=places[which],
+            channel=channel,
             words=np.ascontiguousarray(rows.words[:, : 1 if rows.length.max() <= 8 else None]),
-            channels=tuple(map(self._name, self._places)),
+            channels=self._names,
         )
 
 
@@ -72,24 +89,31 @@ class FrameCounter:
 
     Args:
         report: Statistics, filled as blocks are added.
+        first_us: Time before which the first frame is one of those; None: it is none.
 
     """
 
-    def __init__(self, report: ReadReport) -> None:
+    def __init__(self, report: ReadReport, first_us: int | None = None) -> None:
         self._report = report
-        self._last_us: int | None = None
+        self._last_us = first_us
 
     def add(self, block: Block) -> None:
-        """Count the next block of a recording, which has frames alone, at least one."""
-        counts = np.bincount(block.kind, minlength=len(KIND_NAMES)).tolist()
-        for name, count in zip(KIND_NAMES.values(), counts, strict=True):
+        """Count the next block of a recording, at least one row."""
+        counts = np.bincount(block.kind).tolist()
+        for kind, count in enumerate(counts):
             if count:
-                self._report.kinds[name] += count
-        t_us = block.t_us
-        last_us = t_us[0] if self._last_us is None else self._last_us
-        falls = np.diff(t_us, prepend=last_us) < 0
-        self._report.backwards += int(np.count_nonzero(falls))
-        self._last_us = int(t_us[-1])
+                self._report.kinds[KIND_NAMES.get(Kind(kind), "mark")] += count
+        frames = block.kind < Kind.ADVANCE
+        t_ns = block.t_ns if frames.all() else block.t_ns[frames]
+        if not len(t_ns):
+            return
+        # Stamps in µs can only fall where those in ns do.
+        falls = np.flatnonzero(t_ns[1:] < t_ns[:-1])
+        fallen = to_micros(t_ns[falls + 1]) < to_micros(t_ns[falls])
+        first_us, last_us = to_micros(t_ns[[0, -1]]).tolist()
+        is_fall = self._last_us is not None and first_us < self._last_us
+        self._report.backwards += int(fallen.sum()) + is_fall
+        self._last_us = last_us
 
 
 def join_blocks(found: Iterator[tuple[Block, int]], most: int) -> Iterator[tuple[Block, int]]:

@@ -24,8 +24,6 @@ from adhesion_can.recordings.candump import (
     read_candump,
     times_are_differences,
 )
-from adhesion_can.recordings.candump_columns.parse import read_chunks
-from adhesion_can.recordings.candump_columns.text_source import LINE_LIMIT, Packing, TextSource
 from adhesion_can.recordings.formats import (
     CANDUMP,
     COLUMNS,
@@ -44,6 +42,9 @@ from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.python_can_mf4 import mf4_reader
 from adhesion_can.recordings.reader_losses import collect_python_can_warnings
 from adhesion_can.recordings.sqlite_frames import read_sqlite
+from adhesion_can.recordings.text_columns.candump_form import CandumpForm
+from adhesion_can.recordings.text_columns.parse import read_text
+from adhesion_can.recordings.text_columns.text_source import LINE_LIMIT, Packing, TextSource
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
@@ -133,7 +134,7 @@ class Recording:
         """
         if self._format != ".asc":
             return None
-        from adhesion_can.recordings.trace_columns.asc import head_date_us  # noqa: PLC0415
+        from adhesion_can.recordings.text_columns.asc import head_date_us  # noqa: PLC0415
 
         return head_date_us(self._first_lines())
 
@@ -194,7 +195,7 @@ class Recording:
             self.report.notes.insert(0, DIFFERENCES)
         with self._source(self.report) as source:
             chunks = source.chunks(min(size, _CHUNK))
-            found = read_chunks(chunks, self.report, differences=differences)
+            found = read_text(chunks, CandumpForm(differences=differences), self.report)
             for block, self.position in join_blocks(found, size // _CHUNK):
                 yield block
 
@@ -202,7 +203,8 @@ class Recording:
         """Blocks of the formats in `COLUMNS`."""
         # Imported here: most recordings are of other formats.
         from adhesion_can.recordings.blf_columns.read import read_blf  # noqa: PLC0415
-        from adhesion_can.recordings.trace_columns.read import FORMS, read_trace  # noqa: PLC0415
+        from adhesion_can.recordings.text_columns.asc import AscForm  # noqa: PLC0415
+        from adhesion_can.recordings.text_columns.trc import TrcForm  # noqa: PLC0415
 
         with (
             collect_python_can_warnings(self.report.notes),
@@ -215,8 +217,8 @@ class Recording:
                     blocks = read_blf(source.read, self.report, plain, min(size, _CHUNK))
                     found = ((block, source.position) for block in blocks)
                 else:
-                    form = FORMS[self._format](self._first_lines())
-                    found = read_trace(source.chunks(min(size, _CHUNK)), form, self.report)
+                    form = {".asc": AscForm, ".trc": TrcForm}[self._format](self._first_lines())
+                    found = read_text(source.chunks(min(size, _CHUNK)), form, self.report)
             except Exception as error:  # of a head; python-can's parsers raise whatever they meet
                 raise RecordingError(
                     str(self.path),

@@ -2,10 +2,13 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.curves import FAMILIES
@@ -20,43 +23,117 @@ ROWS = 10_000
 """Number of rows written at once."""
 
 
-def _number(name: str, comment: str, unit: str = "") -> Field:
-    return Field(name, unit=unit, comment=comment, optional=True, spec=".9g")
+@dataclass(frozen=True)
+class SetpointColumn:
+    """One column of the table, beside `time_s`.
+
+    Attributes:
+        field: Name and form of the column.
+        read: Function from the outputs to the column's number, None where it is not available.
+        missing: Number written where it is not available, of a column of names.
+
+    """
+
+    field: Field
+    read: Callable[[Outputs], float | None]
+    missing: int = 0
+
+    def number(self, outputs: Outputs) -> float:
+        """Number of a row; NaN where it is not available."""
+        number = self.read(outputs)
+        return nan if number is None or not isfinite(number) else float(number)
+
+    def written(self, numbers: Array) -> Column:
+        """Column as it is written, from the numbers of rows, shape (n,)."""
+        missing = np.isnan(numbers) if self.field.optional else None
+        if self.field.text:
+            numbers = np.nan_to_num(numbers, nan=self.missing).astype(np.uint8)
+        return Column(numbers, missing)
+
+    def values(self, numbers: Array) -> NDArray[Any]:
+        """Column as Python has it: names in place of their numbers, '' where not available."""
+        if not self.field.text:
+            return numbers
+        names = self.field.names
+        return np.array([names.get(number, "") for number in numbers.tolist()], np.str_)
 
 
-def _names(name: str, comment: str, names: Mapping[float, str], *, optional: bool = False) -> Field:
-    return Field(
-        name, np.dtype(np.uint8), comment=comment, names=names, text=True, optional=optional
+def _number(
+    name: str, comment: str, read: Callable[[Outputs], float | None], unit: str = ""
+) -> SetpointColumn:
+    return SetpointColumn(Field(name, unit=unit, comment=comment, optional=True, spec=".9g"), read)
+
+
+def _names(
+    name: str,
+    comment: str,
+    names: Mapping[float, str],
+    read: Callable[[Outputs], float | None],
+    *,
+    missing: int | None = None,
+) -> SetpointColumn:
+    """A column of names; `missing` is the number where one is not available, None: always one."""
+    field = Field(
+        name,
+        np.dtype(np.uint8),
+        comment=comment,
+        names=names,
+        text=True,
+        optional=missing is not None,
     )
+    return SetpointColumn(field, read, missing or 0)
 
 
 def _by_number(kinds: Iterable[Status | Doubt | Objection]) -> Mapping[float, str]:
     return {float(kind): kind.name for kind in kinds}
 
 
+def _parameter(place: int) -> Callable[[Outputs], float | None]:
+    return lambda outputs: outputs.theta[place] if outputs.theta else None
+
+
+def _of_axle(axle: int, read: Callable[[Setpoint], float | None]) -> Callable[..., float | None]:
+    return lambda outputs: read(outputs.axles.get(axle, Setpoint()))
+
+
 _AXLES = range(1, AXLE_FRAMES + 1)
 NO_FAMILY = 255
 """Number that means no family of curves."""
 _FAMILY_NUMBERS = {name: number for number, name in enumerate(FAMILIES)}
-FIELDS = (
-    _names("status", "status of the service", _by_number(Status)),
-    _number("mu_max", "maximum adhesion coefficient"),
-    _number("mu_max_std", "standard deviation of mu_max"),
-    _number("lambda_m", "slip ratio at the maximum"),
-    _number("lambda_m_std", "standard deviation of lambda_m"),
-    _number("c1", "level of the curve"),
-    _number("c2", "steepness of the curve"),
-    _number("c3", "fall of the curve"),
-    _number("surface_age_s", "since the surface last changed", "s"),
-    *(_number(f"mu_max_ax{axle}", f"mu_max of axle {axle}") for axle in _AXLES),
-    *(_number(f"lambda_m_ax{axle}", f"lambda_m of axle {axle}") for axle in _AXLES),
-    _number("speed_mps", "vehicle speed", "m/s"),
-    _number("creep_speed_setpoint_mps", "creep speed to control to", "m/s"),
+COLUMNS = (
+    _names("status", "status of the service", _by_number(Status), lambda o: o.status),
+    _number("mu_max", "maximum adhesion coefficient", lambda o: o.setpoint.mu_max),
+    _number("mu_max_std", "standard deviation of mu_max", lambda o: o.mu_max_std),
+    _number("lambda_m", "slip ratio at the maximum", lambda o: o.setpoint.lambda_m),
+    _number("lambda_m_std", "standard deviation of lambda_m", lambda o: o.lambda_m_std),
+    _number("c1", "level of the curve", _parameter(0)),
+    _number("c2", "steepness of the curve", _parameter(1)),
+    _number("c3", "fall of the curve", _parameter(2)),
+    _number("surface_age_s", "since the surface last changed", lambda o: o.surface_age_s, "s"),
+    *(
+        _number(f"mu_max_ax{axle}", f"mu_max of axle {axle}", _of_axle(axle, lambda p: p.mu_max))
+        for axle in _AXLES
+    ),
+    *(
+        _number(
+            f"lambda_m_ax{axle}", f"lambda_m of axle {axle}", _of_axle(axle, lambda p: p.lambda_m)
+        )
+        for axle in _AXLES
+    ),
+    _number("speed_mps", "vehicle speed", lambda o: o.speed, "m/s"),
+    _number(
+        "creep_speed_setpoint_mps",
+        "creep speed to control to",
+        lambda o: o.setpoint.creep_speed,
+        "m/s",
+    ),
+    # A reader that knows of no missing texts finds NOT_AVAILABLE.
     _names(
         "doubt",
         "what the residual depends on, if the curve cannot explain it",
         _by_number(Doubt),
-        optional=True,
+        lambda o: None if o.doubt is Doubt.NOT_AVAILABLE else o.doubt,
+        missing=Doubt.NOT_AVAILABLE,
     ),
     _names(
         "family",
@@ -65,15 +142,22 @@ FIELDS = (
             **{float(number): name for name, number in _FAMILY_NUMBERS.items()},
             float(NO_FAMILY): Doubt.NOT_AVAILABLE.name,
         },
-        optional=True,
+        lambda o: None if o.family is None else _FAMILY_NUMBERS[o.family],
+        missing=NO_FAMILY,
     ),
     _names(
         "objection",
         "objection to the readings that makes the peak unreliable",
         _by_number(Objection),
+        lambda o: o.objection,
     ),
 )
 """Columns beside `time_s`."""
+
+
+def setpoint_row(outputs: Outputs) -> list[float]:
+    """Numbers of a row, one of each column; NaN where not available."""
+    return [column.number(outputs) for column in COLUMNS]
 
 
 class _RowBuffer:
@@ -93,45 +177,10 @@ class _RowBuffer:
     def flush(self) -> None:
         if not self._t_us:
             return
-        status, *numbers, doubt, family, objection = np.array(self._values).T
-        columns = [
-            Column(status.astype(np.uint8)),
-            *(Column(n, np.isnan(n)) for n in numbers),
-            # A reader that knows of no missing texts finds NOT_AVAILABLE.
-            _names_column(doubt, Doubt.NOT_AVAILABLE),
-            _names_column(family, NO_FAMILY),
-            Column(objection.astype(np.uint8)),
-        ]
+        numbers = np.array(self._values).T
+        columns = [column.written(n) for column, n in zip(COLUMNS, numbers, strict=True)]
         self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
         self._t_us, self._values = [], []
-
-
-def setpoint_row(outputs: Outputs) -> list[float]:
-    """Numbers of a row; NaN where not available."""
-    theta = outputs.theta or (None, None, None)
-    axles = [outputs.axles.get(axle, Setpoint()) for axle in _AXLES]
-    numbers = (
-        outputs.setpoint.mu_max,
-        outputs.mu_max_std,
-        outputs.setpoint.lambda_m,
-        outputs.lambda_m_std,
-        *theta,
-        outputs.surface_age_s,
-        *(point.mu_max for point in axles),
-        *(point.lambda_m for point in axles),
-        outputs.speed,
-        outputs.setpoint.creep_speed,
-    )
-    known = (nan if number is None or not isfinite(number) else number for number in numbers)
-    doubt = outputs.doubt
-    shown = nan if doubt is Doubt.NOT_AVAILABLE else float(doubt)
-    family = nan if outputs.family is None else float(_FAMILY_NUMBERS[outputs.family])
-    return [float(outputs.status), *known, shown, family, float(outputs.objection)]
-
-
-def _names_column(numbers: Array, missing: int) -> Column:
-    """Column of numbers that stand for names, NaN where not available."""
-    return Column(np.nan_to_num(numbers, nan=missing).astype(np.uint8), np.isnan(numbers))
 
 
 @contextmanager
@@ -148,7 +197,9 @@ def setpoint_table(
         InputError: The format is unknown, an extra is missing, or the disk is full.
 
     """
-    with open_table(path, FIELDS, origin, name="AdhesionSetpoint") as writer:
+    with open_table(
+        path, [column.field for column in COLUMNS], origin, name="AdhesionSetpoint"
+    ) as writer:
         rows = _RowBuffer(writer)
         yield rows.add
         rows.flush()

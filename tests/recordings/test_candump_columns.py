@@ -20,13 +20,16 @@ from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.bus.frame import ADVANCE, SECOND_SENDER, Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.extras import install_extra
-from adhesion_can.recordings.candump import format_frame, format_mark, parse_line
-from adhesion_can.recordings.candump_columns import parse as chunk_parser
-from adhesion_can.recordings.candump_columns.ascii_numbers import decimal, hexadecimal, keep
-from adhesion_can.recordings.candump_columns.line_layouts import find_layout, match_lines
-from adhesion_can.recordings.candump_columns.text_source import BACK, FRONT, LINE_LIMIT, Chunk
+from adhesion_can.recordings.candump import ReadReport, format_frame, format_mark, parse_line
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.text_columns import candump_form
+from adhesion_can.recordings.text_columns import parse as chunk_parser
+from adhesion_can.recordings.text_columns.ascii_numbers import decimal, hexadecimal, keep
+from adhesion_can.recordings.text_columns.candump_form import CandumpForm
+from adhesion_can.recordings.text_columns.line_layouts import match_lines
+from adhesion_can.recordings.text_columns.parse import ChunkParser
+from adhesion_can.recordings.text_columns.text_source import BACK, FRONT, LINE_LIMIT, Chunk
 from tests.bus.bus_helpers import real_data
 
 FD_SIZES = (*range(9), 12, 16, 20, 24, 32, 48, 64)
@@ -46,6 +49,10 @@ def eager():
 def chunk_of(content):
     text = np.frombuffer(bytes(FRONT) + content + b"0" * BACK, np.uint8)
     return Chunk(text, FRONT + len(content), 0)
+
+
+def new_parser():
+    return ChunkParser(CandumpForm(), ReadReport())
 
 
 def check_block(block):
@@ -158,13 +165,13 @@ FAST = [
 @pytest.mark.parametrize("end", [b"\n", b""])
 def test_lines_of_these_forms_are_read_in_columns(line, end):
     chunk = chunk_of(line + end)
-    layout = find_layout(line + end)
+    layout = CandumpForm().find_layout(line + end)
     found = match_lines(layout, chunk.text, np.array([FRONT]), np.array([FRONT + len(line)]))
     assert found.t_ns.shape == (1,)
+    parser = new_parser()
     with eager():
-        parsed = chunk_parser.parse_chunk(chunk)
-    assert list(parsed.block.items()) == [parse_line(line + end)]
-    assert parsed.layouts == (layout,)
+        assert list(parser.parse(chunk).items()) == [parse_line(line + end)]
+    assert parser._layouts == [layout]
 
 
 NEAR = [
@@ -459,7 +466,7 @@ def test_lines_of_one_form_are_not_read_one_by_one(tmp_path, monkeypatch):
     """What makes it fast: the slow way sees the lines of other forms alone."""
     seen = []
     monkeypatch.setattr(
-        chunk_parser, "read_line", lambda line: seen.append(line) or parse_line(line)
+        candump_form, "read_line", lambda line: seen.append(line) or parse_line(line)
     )
     path = tmp_path / "a.log"
     lines = [*map(format_frame, plain_log(20_000, random.Random(3)))]
@@ -597,13 +604,13 @@ def test_more_names_than_columns_can_tell_are_an_error(folder):
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 1 << 32), hinted=st.integers(0, 1 << 32))
 def test_hints_change_nothing(seed, hinted):
+    alone, helped = new_parser(), new_parser()
+    chunk = chunk_of(any_log(random.Random(seed), 100))
     with eager():
-        hints = chunk_parser.parse_chunk(chunk_of(any_log(random.Random(hinted), 60))).layouts
-        chunk = chunk_of(any_log(random.Random(seed), 100))
-        alone, helped = chunk_parser.parse_chunk(chunk), chunk_parser.parse_chunk(chunk, hints)
-    assert list(alone.block.items()) == list(helped.block.items())
-    assert alone.block.t_ns.tolist() == helped.block.t_ns.tolist()
-    assert (alone.lines, alone.skipped) == (helped.lines, helped.skipped)
+        helped.parse(chunk_of(any_log(random.Random(hinted), 60)))
+        alone, helped = alone.parse(chunk), helped.parse(chunk)
+    assert list(alone.items()) == list(helped.items())
+    assert alone.t_ns.tolist() == helped.t_ns.tolist()
 
 
 @pytest.mark.parametrize("packed", [False, True])

@@ -14,8 +14,8 @@ from adhesion_can.bus.block import Block
 from adhesion_can.errors import RecordingError
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.trace_columns import read as columns
-from adhesion_can.recordings.trace_columns.odd_lines import PythonCanLines
+from adhesion_can.recordings.text_columns import parse as columns
+from adhesion_can.recordings.text_columns.odd_lines import PythonCanLines
 
 FLOAT_US = 1  # python-can's seconds in a float are 0.24 us apart, which may round the other way
 READERS = {".asc": can.ASCReader, ".trc": can.TRCReader}
@@ -321,6 +321,15 @@ def test_a_bad_line_costs_itself_alone_and_is_counted(folder, bad):
     found, report = read(folder, ASC_HEAD + "\n".join(lines) + "\n", ".asc")
     assert found == whole
     assert report.kinds["malformed"] == 1
+    assert report.bad_lines == [34]
+
+
+def test_a_number_that_no_bus_can_have_is_a_bad_line_among_its_like(folder):
+    lines = [f" 0.{n:06d} {n % 2 + 1:8}  123  Rx   d 1 {n:02X}\n" for n in range(60)]
+    lines[30] = lines[30].replace("       1", "00065536")
+    found, report = read(folder, ASC_HEAD + "".join(lines), ".asc")
+    assert [frame.data[0] for frame in found] == [n for n in range(60) if n != 30]
+    assert {frame.channel for frame in found} == {"can0", "can1"}
     assert report.bad_lines == [34]
 
 

@@ -10,7 +10,7 @@ from pyarrow import parquet
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.setpoints import FIELDS, setpoint_row, setpoint_table
+from adhesion_can.reporting.setpoints import COLUMNS, setpoint_row, setpoint_table
 from adhesion_can.service.outputs import Outputs, Setpoint
 
 DOUBTS = [*Doubt, Doubt.NONE, Doubt.NOT_AVAILABLE]
@@ -41,15 +41,16 @@ def write(path, doubts):
 
 
 def test_doubt_family_and_objection_are_the_last_columns_and_move_no_other():
-    assert [field.name for field in FIELDS][-3:] == ["doubt", "family", "objection"]
+    names = [column.field.name for column in COLUMNS]
+    assert names[-3:] == ["doubt", "family", "objection"]
     rows = [setpoint_row(outputs(doubt)) for doubt in DOUBTS]
-    for row, doubt in zip(rows, DOUBTS, strict=True):
-        assert len(row) == len(FIELDS)
-        np.testing.assert_array_equal(row[:-3], rows[0][:-3])
+    for numbers, doubt in zip(rows, DOUBTS, strict=True):
+        np.testing.assert_array_equal(numbers[:-3], rows[0][:-3])
+        row = dict(zip(names, numbers, strict=True))
         missing = doubt is Doubt.NOT_AVAILABLE
-        assert row[-3] == doubt or (np.isnan(row[-3]) and missing)
-        assert np.isnan(row[-2]) == missing
-        assert row[-1] == (doubt is Doubt.SPEED)
+        assert row["doubt"] == doubt or (np.isnan(row["doubt"]) and missing)
+        assert np.isnan(row["family"]) == missing
+        assert row["objection"] == (doubt is Doubt.SPEED)
 
 
 def test_csv_names_each_doubt_and_leaves_empty_what_is_not_available(tmp_path):

@@ -7,7 +7,7 @@ from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from pathlib import Path
 
 from adhesion_can.errors import TableError
-from adhesion_can.recordings.candump_columns.text_source import Packing
+from adhesion_can.recordings.text_columns.text_source import Packing
 
 LARGEST_TEXT = 512 << 20
 """Most text of a table, unpacked, bytes: its cells take many times as much, and a packed file of

@@ -13,9 +13,9 @@ from adhesion_can.recordings.candump import (
     read_line,
     stamp_ns,
 )
-from adhesion_can.recordings.candump_columns import parse
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.recording import Recording
+from adhesion_can.recordings.text_columns import parse
 from tests.fuzz.octets import Octets
 from tests.fuzz.rule import file_of, value_or_refusal
 

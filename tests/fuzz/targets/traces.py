@@ -11,7 +11,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import MAX_PAYLOAD
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.recordings.trace_columns import read as columns
+from adhesion_can.recordings.text_columns import parse as columns
 from tests.fuzz.octets import Octets
 from tests.fuzz.rule import file_of, value_or_refusal
 

@@ -1,7 +1,8 @@
 """Lines of a trace that no layout fits, by python-can's own reader."""
 
-from collections.abc import Iterator, Sequence
-from typing import Generic, NamedTuple, TypeVar, cast
+from abc import abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar, Generic, NamedTuple, TypeVar, cast
 
 import can
 from can.io.generic import TextIOMessageReader
@@ -9,10 +10,12 @@ from can.io.generic import TextIOMessageReader
 from adhesion_can.bus.frame import MAX_PAYLOAD, Frame
 from adhesion_can.recordings.candump import LAST_US
 from adhesion_can.recordings.frame_rows import bus_from_1
+from adhesion_can.recordings.python_can_messages import from_message
+from adhesion_can.recordings.text_columns.form import Form, SingleLine
+from adhesion_can.recordings.text_columns.line_layouts import LAST_ID
 
 Reader = TypeVar("Reader", bound=TextIOMessageReader)
 
-_LAST_ID = 0x1FFFFFFF
 _LAST_BUS = 0xFFFF
 
 
@@ -102,34 +105,44 @@ def _text(line: bytes) -> str:
     return line.decode("utf-8", "replace")
 
 
-def to_frame(message: can.Message, first_bus: int) -> tuple[Frame, int]:
-    """A message of a reader whose buses are numbers: the frame, and its bus from 1.
+class TraceForm(Form):
+    """Form of the lines of a trace, of which python-can reads those that no layout fits."""
 
-    Args:
-        message: Message as the reader gives it.
-        first_bus: Number of the first bus in the reader's messages.
+    ends_at_cr = True
+    first_bus: ClassVar[int]
+    """Number of the first bus in python-can's messages."""
 
-    Raises:
-        ValueError: No bus can carry it.
-        OverflowError: Its stamp is not a time.
+    @abstractmethod
+    def messages(self, lines: Sequence[bytes]) -> Iterable[OddLine]:
+        """What python-can makes of each line."""
 
-    """
-    bus = message.channel + 1 - first_bus if isinstance(message.channel, int) else 1
-    t_us = round(message.timestamp * 1e6)
-    has_data = not (message.is_error_frame or message.is_remote_frame)
-    data = bytes(message.data) if has_data else b""
-    if not (0 <= bus <= _LAST_BUS and 0 <= message.arbitration_id <= _LAST_ID):
-        raise ValueError("an invalid bus or id")
-    if len(data) > MAX_PAYLOAD or abs(t_us) > LAST_US:
-        raise ValueError("an invalid payload or stamp")
-    frame = Frame(
-        t_us=t_us,
-        arbitration_id=message.arbitration_id,
-        data=data,
-        channel=bus_from_1(bus),
-        is_extended=message.is_extended_id and not message.is_error_frame,
-        is_fd=message.is_fd,
-        is_remote=message.is_remote_frame,
-        is_error=message.is_error_frame,
-    )
-    return frame, bus
+    @abstractmethod
+    def kind_without_frame(self, line: bytes) -> str | None:
+        """Kind of a line that holds no frame, as the report counts it; None: not counted."""
+
+    def bus_name(self, text: bytes) -> str | None:
+        """Name of a bus from its number in a line; that of bus 1 where lines have no number."""
+        digits = text.lstrip(b" ") if text else b"1"
+        return bus_from_1(int(digits)) if digits.isdigit() and int(digits) <= _LAST_BUS else None
+
+    def read(self, lines: Sequence[bytes]) -> Iterator[SingleLine]:
+        """Lines as python-can's reader takes them."""
+        for line, (found, t_ns) in zip(lines, self.messages(lines), strict=True):
+            if found is None:
+                yield SingleLine(self.kind_without_frame(line))
+            elif isinstance(found, can.Message) and (frame := self._frame(found)):
+                yield SingleLine(frame, frame.t_us * 1000 if t_ns is None else t_ns)
+            else:
+                yield SingleLine("malformed")
+
+    def _frame(self, message: can.Message) -> Frame | None:
+        """A message of a reader whose buses are numbers; None where no bus can carry it."""
+        bus = message.channel + 1 - self.first_bus if isinstance(message.channel, int) else 1
+        try:
+            t_us = round(message.timestamp * 1e6)
+        except (ValueError, OverflowError):
+            return None
+        frame = from_message(message, t_us)._replace(channel=bus_from_1(bus))
+        if not (0 <= bus <= _LAST_BUS and 0 <= frame.arbitration_id <= LAST_ID):
+            return None
+        return frame if len(frame.data) <= MAX_PAYLOAD and abs(t_us) <= LAST_US else None

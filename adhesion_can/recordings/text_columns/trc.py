@@ -12,8 +12,8 @@ from can.io.trc import TRCFileVersion
 
 from adhesion_can.bus.block import Kind
 from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport
-from adhesion_can.recordings.trace_columns.line_layouts import Layout, learn_layout
-from adhesion_can.recordings.trace_columns.odd_lines import OddLine, PythonCanLines
+from adhesion_can.recordings.text_columns.line_layouts import Layout, learn_layout
+from adhesion_can.recordings.text_columns.odd_lines import OddLine, PythonCanLines, TraceForm
 
 _NUMBER = rb"\s*(?P<number>\d{1,10})"
 _TIME = rb"(?P<whole>\d{1,13})(?:\.(?P<fraction>\d{1,6}))?"
@@ -57,7 +57,7 @@ _CODES = sorted(FD_LENGTHS)
 _NO_FRAME = b"0 0 FFFFFFFF" + b" x" * 20 + b"\n"
 
 
-class TrcForm:
+class TrcForm(TraceForm):
     """Form of the lines of one file.
 
     Args:
@@ -89,11 +89,11 @@ class TrcForm:
         reader = self._lines.reader_behind(_NO_FRAME)
         self._form = _form(version, self._columns)
         start = reader.start_time if version >= TRCFileVersion.V1_1 else None
-        self.start_ns = _to_ns(start) if start else 0
+        self._start_ns = _to_ns(start) if start else 0
         has_stray_columns = bool(reader.columns) and not self._columns
-        if abs(self.start_ns) > LAST_US * 1000 or has_stray_columns:
+        if abs(self._start_ns) > LAST_US * 1000 or has_stray_columns:
             self._form = None
-        self._records = self._lost = 0
+        self._lost = 0
 
     def find_layout(self, line: bytes) -> Layout | None:
         """Layout of a line; None where only python-can can read it."""
@@ -114,13 +114,14 @@ class TrcForm:
         return learn_layout(
             match,
             unit_ns=10**6,
+            start_ns=self._start_ns,
             length=length,
             kind=kind,
-            extended=len(match["id"]) > 4,
+            is_extended=len(match["id"]) > 4,
             is_last=bool(self._columns) or not length,
         )
 
-    def read(self, lines: Sequence[bytes]) -> list[OddLine]:
+    def messages(self, lines: Sequence[bytes]) -> list[OddLine]:
         """What python-can makes of each line, comments and blank lines left out."""
         found = [OddLine(None)] * len(lines)
         held = [n for n, line in enumerate(lines) if line.strip() and not _is_comment(line)]

@@ -42,6 +42,23 @@ def zeros_outside(words: Words, kept: Words | np.uint64) -> None:
     words ^= _ZEROS
 
 
+def fill_blanks(words: Words, mask: np.uint64, first: np.uint64) -> Words:
+    """Put the digit 0 for the spaces that pad numbers, in place; not 0 where they are no padding.
+
+    Args:
+        words: Characters, shape (n,).
+        mask: Bytes that hold the number.
+        first: Lowest bit of the first of them.
+
+    """
+    blank = ~(words >> _4) & _ONES & mask  # the bit that a space has not, and a digit has
+    wrong = words & (blank * np.uint64(0x0F))
+    wrong |= blank & ~((blank << _8) | first)  # a space behind a digit
+    wrong |= blank >> np.uint64(56)  # no digit at all
+    words |= blank << _4
+    return wrong
+
+
 def decimal(words: Words, kept: Words) -> tuple[Words, Words]:
     """Numbers of eight decimal digits, the highest first.
 

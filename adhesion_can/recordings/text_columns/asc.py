@@ -9,8 +9,8 @@ import can
 from adhesion_can.bus.block import Kind
 from adhesion_can.plurals import counted
 from adhesion_can.recordings.candump import DIFFERENCES, FD_LENGTHS, LAST_US, ReadReport
-from adhesion_can.recordings.trace_columns.line_layouts import Layout, learn_layout
-from adhesion_can.recordings.trace_columns.odd_lines import OddLine, PythonCanLines
+from adhesion_can.recordings.text_columns.line_layouts import Layout, learn_layout
+from adhesion_can.recordings.text_columns.odd_lines import OddLine, PythonCanLines, TraceForm
 
 _STAMP = rb"\s*(?P<whole>\d{1,10})\.(?P<fraction>\d{1,9}) +"
 _DATA = rb"(?P<data>(?: +[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)?)(?=\s|$)"
@@ -29,7 +29,6 @@ _HEAD = re.compile(
     rb"\s*(?:date\s+\w+\s+.+|base\s+(?P<base>hex|dec)(?:\s+timestamps\s+(?P<form>\w+))?|//.*)",
     re.IGNORECASE,
 )
-_EVENTS = re.compile(rb"\s*(?:no)?\s*internal\s+events\s+logged", re.IGNORECASE)
 _LONG = re.compile(
     _STAMP
     + rb"(?P<bus>\d{1,4}) +(?P<id>[0-9A-Fa-f]{1,8})(?P<x>x?) +[RT]x +d +(?P<length>9|1[0-5])"
@@ -97,7 +96,7 @@ def head_date_us(first: Sequence[bytes]) -> int | None:
     return None
 
 
-class AscForm:
+class AscForm(TraceForm):
     """Form of the lines of one file, and what its lines say together.
 
     Args:
@@ -108,7 +107,6 @@ class AscForm:
 
     """
 
-    start_ns = 0
     first_bus = 0  # of python-can's messages
 
     def __init__(self, first: Sequence[bytes]) -> None:
@@ -149,11 +147,11 @@ class AscForm:
             unit_ns=10**9,
             length=length,
             kind=kind,
-            extended=bool(match["x"]),
+            is_extended=bool(match["x"]),
             is_last=False,
         )
 
-    def read(self, lines: Sequence[bytes]) -> list[OddLine]:
+    def messages(self, lines: Sequence[bytes]) -> list[OddLine]:
         """What python-can makes of each line, and its stamp."""
         for line in lines:
             lower = line[:20].lower()

@@ -1,1 +1,0 @@
-"""candump text in columns: chunks of lines parsed by learnt layouts."""

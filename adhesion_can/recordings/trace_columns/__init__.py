@@ -1,1 +1,0 @@
-"""Text traces of other tools (.asc, .trc) in columns: lines by learnt layouts."""
