@@ -20,7 +20,6 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.init_numbers import meaning, require_usual
 from adhesion_can.cli.init_questions import ask, ask_second_file
 from adhesion_can.config.initial_file import (
-    REQUIRED,
     InitialConfiguration,
     candidate_text,
     count_axles,
@@ -30,7 +29,7 @@ from adhesion_can.config.initial_file import (
 )
 from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
-from adhesion_can.physics.readings import Role
+from adhesion_can.physics.readings import REQUIRED, Role
 from adhesion_can.plurals import counted
 from adhesion_can.printable import say
 

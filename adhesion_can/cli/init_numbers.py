@@ -9,6 +9,7 @@ from adhesion_can.config.vehicle_ranges import VEHICLE_RANGES, find_light, find_
 from adhesion_can.config.vehicle_section import VEHICLE_DATA, VEHICLE_EXAMPLES, vehicle_example
 from adhesion_can.errors import InputError
 from adhesion_can.physics.vehicle import GRAVITY
+from adhesion_can.recordings.tables.cells import is_float
 
 SHORTEST_CYCLE_MS, LONGEST_CYCLE_MS = 0.1, 100e3
 """Cycles that a role may state, ms."""
@@ -133,22 +134,14 @@ def _cycle(answer: str) -> float:
 def _not_a_number(answer: str, unit: str, example: str) -> str:
     """What is wrong with an answer that is no number, and an example."""
     first = answer.split(maxsplit=1)[0]
-    if _is_number(answer.replace(",", ".")):
+    if is_float(answer.replace(",", ".")):
         return f"has a decimal comma; type {answer.replace(',', '.')}"
     if len(answer.replace(",", " ").split()) > 1 and all(
-        map(_is_number, answer.replace(",", " ").split())
+        map(is_float, answer.replace(",", " ").split())
     ):
         return (
             f"several numbers; type one for all axles, for example {example}; the file takes a list"
         )
-    if _is_number(first):
+    if is_float(first):
         return f"has more than a number; type it in {unit} without the unit, for example {example}"
     return f"not a number; type one in {unit}, for example {example}"
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

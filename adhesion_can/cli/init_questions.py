@@ -12,14 +12,13 @@ from adhesion_can.bus.shared_signals import SHARED_ROLES, distribute
 from adhesion_can.cli.init_answers import ask_until, ask_yes, several, up_to, whole
 from adhesion_can.cli.init_numbers import ask_cycles, ask_vehicle
 from adhesion_can.config.initial_file import (
-    REQUIRED,
     InitialConfiguration,
     candidate_text,
     count_axles,
     shared_sentence,
     signals_text,
 )
-from adhesion_can.physics.readings import Role
+from adhesion_can.physics.readings import REQUIRED, Role
 from adhesion_can.physics.vehicle import MOST_AXLES
 from adhesion_can.plurals import counted
 from adhesion_can.printable import say
@@ -32,7 +31,7 @@ def ask(initial: InitialConfiguration) -> InitialConfiguration:
     """The configuration with the answers of a person."""
     guessed, declined = _ask_open(initial.guessed)
     initial = replace(initial, guessed=guessed)
-    for role in REQUIRED:
+    for role in (role for role in Role if role in REQUIRED):
         if role in initial.absent or role in declined:
             initial = replace(initial, guessed=_ask_candidates(initial, role))
     axles = count_axles(initial.guessed)

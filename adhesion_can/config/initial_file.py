@@ -15,11 +15,9 @@ from adhesion_can.bus.signal_signs import Signs, signs_of, stated_range
 from adhesion_can.config.toml_text import quoted
 from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA, vehicle_example
 from adhesion_can.estimation.doubt.settings import HEAVY_LOAD, InstrumentUncertainty
-from adhesion_can.physics.readings import Role
+from adhesion_can.physics.readings import REQUIRED, Role
 from adhesion_can.plurals import counted
 
-REQUIRED = (Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT)
-"""Roles without which there is no adhesion coefficient."""
 _CHECKSUMS = ("crc", "checksum", "chksum", "pruefsumme")
 _ONE_SIDED = "its values cannot be negative: if it has no sign, braking counts as traction"
 _SIGN_OF_EFFORT = "positive in traction along the direction of travel; otherwise add sign = -1"
@@ -53,8 +51,8 @@ class InitialConfiguration:
         taken = {guess.role for guess in self.guessed.taken}
         return [
             f"{role}.1, .." if role.per_axle else str(role)
-            for role in REQUIRED
-            if role not in taken
+            for role in Role
+            if role in REQUIRED - taken
         ]
 
     @property

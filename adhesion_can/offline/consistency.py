@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.offline.finding import Finding
 from adhesion_can.physics.vehicle import GRAVITY
-from adhesion_can.sampling.derived_force import find_derived_force
+from adhesion_can.sampling.derived_force import correlation, find_derived_force
 
 LEAST_ROWS = 60
 """Rows, or pairs of them, without which a correlation says nothing."""
@@ -178,7 +178,7 @@ def _correlation_at(
     first = first[np.abs(steps - shift) < 0.1]
     if len(first) < LEAST_ROWS:
         return 0.0
-    return _correlation(slip[first], adhesion[first + shift])
+    return correlation(slip[first], adhesion[first + shift])
 
 
 def inspect_acceleration(
@@ -244,13 +244,6 @@ def acceleration_ratio(t_us: NDArray[np.int64], speed: Array, adhesion: Array) -
     if len(first) < LEAST_ROWS:
         return None
     change, by_force = speed[last] - speed[first], (pushed[last] - pushed[first]) / 2.0
-    if _correlation(change, by_force) < LEAST_RELATION:
+    if correlation(change, by_force) < LEAST_RELATION:
         return None
     return float(change @ by_force / (by_force @ by_force))
-
-
-def _correlation(one: Array, other: Array) -> float:
-    """Pearson's correlation coefficient; 0 where one of the two is constant."""
-    if not (np.ptp(one) > 0 and np.ptp(other) > 0):
-        return 0.0
-    return float(np.corrcoef(one, other)[0, 1])

@@ -73,14 +73,14 @@ def _compare(span: int, speed: Array, force: Array, even: NDArray[np.bool_]) -> 
     whole = _whole(even, 2 * span)
     if int(whole.sum()) < LEAST_ROWS:
         return None
-    explained = _correlation(rate[whole], beside[whole])
+    explained = correlation(rate[whole], beside[whole])
     inner = _whole(even, 2 * span + ORDER)
     noises = [np.diff(column, ORDER)[inner] for column in (rate, beside)]
     # Neighbouring differences have rows in common.
     rows = len(noises[0]) / (ORDER + 1)
     if rows < LEAST_ROWS / (ORDER + 1):
         return None
-    shared = _correlation(*noises)
+    shared = correlation(*noises)
     if explained <= 0.0 or explained**2 < LEAST_EXPLAINED:
         return None
     if shared < max(LEAST_SHARED, SIGNIFICANT / np.sqrt(rows)):
@@ -104,7 +104,7 @@ def _whole(even: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
     return np.asarray(odd[steps:] == odd[:-steps])
 
 
-def _correlation(one: Array, other: Array) -> float:
+def correlation(one: Array, other: Array) -> float:
     """Pearson's correlation coefficient; 0 where one of the two is constant."""
     if not (np.ptp(one) > 0 and np.ptp(other) > 0):
         return 0.0

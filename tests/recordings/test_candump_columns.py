@@ -27,7 +27,7 @@ from adhesion_can.recordings.text_columns import candump_form
 from adhesion_can.recordings.text_columns import parse as chunk_parser
 from adhesion_can.recordings.text_columns.ascii_numbers import decimal, hexadecimal, keep
 from adhesion_can.recordings.text_columns.candump_form import CandumpForm
-from adhesion_can.recordings.text_columns.line_layouts import match_lines
+from adhesion_can.recordings.text_columns.matching import match_lines
 from adhesion_can.recordings.text_columns.parse import ChunkParser
 from adhesion_can.recordings.text_columns.text_source import BACK, FRONT, LINE_LIMIT, Chunk
 from tests.bus.bus_helpers import real_data

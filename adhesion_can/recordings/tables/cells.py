@@ -104,7 +104,7 @@ def mark_of(text: str) -> Mark | None:
     """What the marks in a number's text say; None where it is no number."""
     points, commas = text.count("."), text.count(",")
     if not points and not commas:
-        return Mark.NONE if _PLAIN.fullmatch(text) or _is_float(text) else None
+        return Mark.NONE if _PLAIN.fullmatch(text) or is_float(text) else None
     if points and commas:
         decimal = "." if text.rfind(".") > text.rfind(",") else ","
         sure = Mark.POINT if decimal == "." else Mark.COMMA
@@ -113,7 +113,7 @@ def mark_of(text: str) -> Mark | None:
     if points + commas > 1:  # it can only part thousands
         sure = Mark.COMMA if mark == "." else Mark.POINT
         return None if np.isnan(_value(text, other)) else sure
-    if not _is_float(text.replace(",", ".")):
+    if not is_float(text.replace(",", ".")):
         return None
     if _grouped(mark).fullmatch(text) and text.lstrip("+-")[0] != "0":
         return Mark.MAYBE_POINT if mark == "." else Mark.MAYBE_COMMA
@@ -215,7 +215,8 @@ def _value(text: str, decimal: str) -> float:
         return np.nan
 
 
-def _is_float(text: str) -> bool:
+def is_float(text: str) -> bool:
+    """Whether a text is a number as Python writes it."""
     try:
         float(text)
     except ValueError:

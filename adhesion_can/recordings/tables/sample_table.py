@@ -20,6 +20,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.errors import TableError
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.formats import FRAME_TABLE, HEAD, format_of, is_measurement
+from adhesion_can.recordings.tables.cells import is_float
 from adhesion_can.recordings.tables.choice import ColumnChoice, apply_choices
 from adhesion_can.recordings.tables.columns import Column, Columns
 from adhesion_can.recordings.tables.csv_file import heading_of, read_csv
@@ -200,17 +201,9 @@ def _require_columns(values: Mapping[str, Column], where: str) -> None:
     for name in ("time_s", "slip", *adhesion, "speed_mps", "axle"):
         column = values.get(name)
         if isinstance(column, tuple):
-            odd = next((cell for cell in column if not _is_float(cell)), "")
+            odd = next((cell for cell in column if not is_float(cell)), "")
             what = f"column {name!r} is not numeric: it has {odd[:40]!r}"
             raise TableError(where, what, "write numbers in it")
-
-
-def _is_float(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _groups(name: str, cells: Sequence[str]) -> dict[str, Array]:

@@ -8,9 +8,14 @@ import can
 
 from adhesion_can.bus.block import Kind
 from adhesion_can.plurals import counted
-from adhesion_can.recordings.candump import DIFFERENCES, FD_LENGTHS, LAST_US, ReadReport
+from adhesion_can.recordings.candump import DIFFERENCES, LAST_US, ReadReport
 from adhesion_can.recordings.text_columns.line_layouts import Layout, learn_layout
-from adhesion_can.recordings.text_columns.odd_lines import OddLine, PythonCanLines, TraceForm
+from adhesion_can.recordings.text_columns.odd_lines import (
+    LENGTH_CODES,
+    OddLine,
+    PythonCanLines,
+    TraceForm,
+)
 
 _STAMP = rb"\s*(?P<whole>\d{1,10})\.(?P<fraction>\d{1,9}) +"
 _DATA = rb"(?P<data>(?: +[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)?)(?=\s|$)"
@@ -65,8 +70,6 @@ _DATE = re.compile(
     r"(?:\.(?P<f>\d+))?(?:\s+(?P<half>[AaPp][Mm]))?\s+(?P<year>\d{4})$",
     re.IGNORECASE,
 )
-_CODES = sorted(FD_LENGTHS)
-"""Lengths of payloads by their code, bytes."""
 
 
 def head_date_us(first: Sequence[bytes]) -> int | None:
@@ -136,10 +139,10 @@ class AscForm(TraceForm):
             kind, length = Kind.DATA, int(match["length"])
         elif match := _FD.match(line):
             length = int(match["length"])
-            if not 0 < length == _CODES[int(match["code"], 16)]:
+            if not 0 < length == LENGTH_CODES[int(match["code"], 16)]:
                 return None
         elif match := _LONG.match(line):
-            length = _CODES[int(match["length"])]
+            length = LENGTH_CODES[int(match["length"])]
         else:
             return None
         return learn_layout(
@@ -185,8 +188,8 @@ class AscForm(TraceForm):
         elif not said and not _NUMBER[self._is_hex].fullmatch(name):
             self._nameless += 1
         code, data = int(parts["code"] or 0), (parts["data"] or b"").split()
-        if 8 < code < len(_CODES) and len(data) >= _CODES[code]:
-            length, octets = _CODES[code], b" ".join(data)
+        if 8 < code < len(LENGTH_CODES) and len(data) >= LENGTH_CODES[code]:
+            length, octets = LENGTH_CODES[code], b" ".join(data)
             text = b"%s CANFD %s %s %s 0 0 %x %d %s\n"
             return text % (parts["stamp"], parts["bus"], parts["way"], name, code, length, octets)
         if name is parts["name"]:

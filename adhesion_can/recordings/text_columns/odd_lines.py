@@ -8,7 +8,7 @@ import can
 from can.io.generic import TextIOMessageReader
 
 from adhesion_can.bus.frame import MAX_PAYLOAD, Frame
-from adhesion_can.recordings.candump import LAST_US
+from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US
 from adhesion_can.recordings.frame_rows import bus_from_1
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.text_columns.form import Form, SingleLine
@@ -16,6 +16,8 @@ from adhesion_can.recordings.text_columns.line_layouts import LAST_ID
 
 Reader = TypeVar("Reader", bound=TextIOMessageReader)
 
+LENGTH_CODES = sorted(FD_LENGTHS)
+"""Lengths of payloads by their code, bytes."""
 _LAST_BUS = 0xFFFF
 
 

@@ -1,6 +1,6 @@
 """Text of frames in columns: chunks of whole lines in, `Block`s out.
 
-Lines that look alike are read many at a time (`line_layouts`), all others one by one by their form.
+Lines that look alike are read many at a time (`matching`), all others one by one by their form.
 """
 
 from collections import Counter
@@ -17,12 +17,8 @@ from adhesion_can.recordings.candump import ReadReport
 from adhesion_can.recordings.frame_rows import FrameCounter, NumberedBuses
 from adhesion_can.recordings.text_columns.ascii_numbers import WORD, Words
 from adhesion_can.recordings.text_columns.form import Form
-from adhesion_can.recordings.text_columns.line_layouts import (
-    Layout,
-    MatchedLines,
-    Places,
-    match_lines,
-)
+from adhesion_can.recordings.text_columns.line_layouts import Layout
+from adhesion_can.recordings.text_columns.matching import MatchedLines, Places, match_lines
 from adhesion_can.recordings.text_columns.text_source import FRONT, LINE_LIMIT, Chunk, Text
 
 _FEW = 24  # lines that are read one by one sooner than all at once

@@ -13,7 +13,12 @@ from can.io.trc import TRCFileVersion
 from adhesion_can.bus.block import Kind
 from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport
 from adhesion_can.recordings.text_columns.line_layouts import Layout, learn_layout
-from adhesion_can.recordings.text_columns.odd_lines import OddLine, PythonCanLines, TraceForm
+from adhesion_can.recordings.text_columns.odd_lines import (
+    LENGTH_CODES,
+    OddLine,
+    PythonCanLines,
+    TraceForm,
+)
 
 _NUMBER = rb"\s*(?P<number>\d{1,10})"
 _TIME = rb"(?P<whole>\d{1,13})(?:\.(?P<fraction>\d{1,6}))?"
@@ -51,8 +56,6 @@ _VERSIONS = {
     b"2.1": TRCFileVersion.V2_1,
 }
 _WITHOUT_RESERVED = re.compile(rb"(\s*\d+\)\s+\S+\s+\d+\s+\S+\s+[0-9A-Fa-f]+)\s+")
-_CODES = sorted(FD_LENGTHS)
-"""Lengths of payloads by their code, bytes."""
 # Behind the head: makes the reader end it, and is no frame in any version.
 _NO_FRAME = b"0 0 FFFFFFFF" + b" x" * 20 + b"\n"
 
@@ -106,7 +109,7 @@ class TrcForm(TraceForm):
             kind = Kind.FD
         # A code of a length up to 8 is that length.
         is_code = "l" not in self._columns and kind is Kind.FD
-        length = _CODES[stated] if is_code and stated < len(_CODES) else stated
+        length = LENGTH_CODES[stated] if is_code and stated < len(LENGTH_CODES) else stated
         if length not in FD_LENGTHS if kind is Kind.FD else length > 8:
             return None
         if not length and line[match.end() :].strip():
