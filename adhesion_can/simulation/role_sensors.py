@@ -11,6 +11,7 @@ from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.roles import BoundMessage, BoundSignal
 from adhesion_can.errors import InputError
+from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instrument_laws import Quantity
 from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.readings import Direction, Role, SpeedSource
@@ -194,7 +195,6 @@ class RoleSensors:
             return float(self._errors.add(quantity, column, state, time_s, axles)[0])
 
         noise, instruments, axle = self._noise, self._instruments, signal.axle - 1
-        conditions = state.conditions
         match signal.role:
             case Role.WHEEL_SPEED:
                 speed = read(Quantity.WHEEL_SPEED, state.wheel_speed[axle : axle + 1])
@@ -210,17 +210,10 @@ class RoleSensors:
             case Role.AXLE_LOAD:
                 load = read(Quantity.LOAD, state.load[axle : axle + 1])
                 return load + self._draw(noise.load)
-        return {
-            Role.SPEED_SOURCE: float(SpeedSource.RADAR),
-            Role.DIRECTION: float(Direction.FORWARD),
-            Role.AMBIENT_TEMPERATURE: conditions.ambient_temperature,
-            Role.RAIL_TEMPERATURE: conditions.rail_temperature,
-            Role.HUMIDITY: conditions.humidity,
-            Role.SANDING: conditions.sanding,
-            Role.RAIN: conditions.rain,
-            Role.GRADIENT: state.gradient,
-            Role.CURVATURE: conditions.curvature,
-        }.get(signal.role)
+        if (name := COVARIATES.get(signal.role)) is not None:
+            return state.conditions.covariates(state.gradient)[name]
+        states = {Role.SPEED_SOURCE: SpeedSource.RADAR, Role.DIRECTION: Direction.FORWARD}
+        return states.get(signal.role)
 
     def _draw(self, std: float) -> float:
         return std * float(self._rng.standard_normal())

@@ -34,7 +34,7 @@ class _Shown:
 
     unit: str
     factor: float
-    height: float = 70.0
+    height: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,19 +45,25 @@ class _Times:
     width_us: int
 
 
+_UNITS = {"N": ("kN", 1e-3), "m/m": ("‰", 1e3), "1/m": ("1/km", 1e3)}
+"""Unit of a panel and factor, by the unit of the channel; the others stay."""
+_HEIGHTS = {SLIP: 130.0, Role.TRACTIVE_EFFORT: 130.0, Role.AXLE_LOAD: 100.0}
+
+
+_TOGETHER = (None, Role.VEHICLE_SPEED)  # the speeds have one panel
+
+
+def _shown(role: str, unit: str = "") -> _Shown:
+    return _Shown(
+        *_UNITS.get(unit, (unit, 1.0)), _HEIGHTS.get(role, 40.0 if role in HELD else 70.0)
+    )
+
+
 _SHOWN: Mapping[str, _Shown] = {
-    SLIP: _Shown("", 1.0, 130.0),
-    Role.TRACTIVE_EFFORT: _Shown("kN", 1e-3, 130.0),
-    Role.AXLE_LOAD: _Shown("kN", 1e-3, 100.0),
-    Role.AMBIENT_TEMPERATURE: _Shown("degC", 1.0),
-    Role.RAIL_TEMPERATURE: _Shown("degC", 1.0),
-    Role.HUMIDITY: _Shown("%", 1.0),
-    Role.SANDING: _Shown("", 1.0, 40.0),
-    Role.RAIN: _Shown("", 1.0, 40.0),
-    Role.GRADIENT: _Shown("‰", 1e3),
-    Role.CURVATURE: _Shown("1/km", 1e3),
-    Role.SPEED_SOURCE: _Shown("", 1.0, 40.0),
-    Role.DIRECTION: _Shown("", 1.0, 40.0),
+    SLIP: _shown(SLIP),
+    **{one.role: _shown(one.role, one.unit) for one in CHANNELS if one.role not in _TOGETHER},
+    Role.SPEED_SOURCE: _shown(Role.SPEED_SOURCE),
+    Role.DIRECTION: _shown(Role.DIRECTION),
 }
 """The roles with a panel of their own, from the top to the bottom."""
 
