@@ -1,24 +1,21 @@
 """Recordings of any format as frames and as blocks of frames."""
 
-import gzip
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import can
 
 from adhesion_can.bus.block import Block
-from adhesion_can.bus.frame import MAX_PAYLOAD, MOST_ID, Frame, Mark
+from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.extras import install_extra
 from adhesion_can.files import file_sha256
 from adhesion_can.recordings.candump import (
     DIFFERENCES,
     HEAD_LINES,
-    LAST_US,
     ReadReport,
     frame_kind,
     read_candump,
@@ -39,7 +36,7 @@ from adhesion_can.recordings.frame_rows import join_blocks
 from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4_links import require_sound_links
 from adhesion_can.recordings.python_can_messages import from_message
-from adhesion_can.recordings.python_can_mf4 import mf4_reader
+from adhesion_can.recordings.python_can_readers import open_reader, position_of, require_valid
 from adhesion_can.recordings.reader_losses import collect_python_can_warnings
 from adhesion_can.recordings.sqlite_frames import read_sqlite
 from adhesion_can.recordings.text_columns.candump_form import CandumpForm
@@ -50,15 +47,6 @@ _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
 _MF4_FIX = "write it again with the tool that made it, or export its frames as candump text"
 
-_READERS: dict[str, tuple[Callable[[Any], can.io.generic.MessageReader], str]] = {
-    ".asc": (can.ASCReader, "rt"),
-    ".blf": (can.BLFReader, "rb"),
-    ".csv": (can.CSVReader, "rt"),
-    ".trc": (can.TRCReader, "rt"),
-    MF4: (mf4_reader, "rb"),
-    SQLITE: (can.SqliteReader, "rb"),
-}
-"""python-can's reader of each format, and how it wants an open file."""
 _Read = tuple[Block, int, ReadReport]
 """Block, with the position and the report behind it."""
 
@@ -302,7 +290,7 @@ class Recording:
                 break
             block = Block.from_frames(rows, channels)
             channels = block.channels
-            self.position = _position(self._reader)
+            self.position = position_of(self._reader)
             yield block
         if stopped:
             raise stopped
@@ -314,7 +302,7 @@ class Recording:
         try:
             with self._opened() as frames:
                 for frame in frames:
-                    _require_valid(frame)
+                    require_valid(frame)
                     count += 1
                     if count > given:
                         self.report.kinds[frame_kind(frame)] += 1
@@ -341,16 +329,9 @@ class Recording:
             require_sound_links(self.path)
         with (
             collect_python_can_warnings(self.report.notes),
-            self._python_can_reader() as self._reader,
+            open_reader(self.path, self._format, self._packing) as self._reader,
         ):
             yield map(from_message, self._reader)
-
-    def _python_can_reader(self) -> can.io.generic.MessageReader:
-        """python-can's reader of the format, whatever the name of the file."""
-        reader, mode = _READERS[self._format]
-        if self._packing is Packing.NONE:
-            return reader(self.path)
-        return reader(gzip.open(self.path, mode))
 
     @contextmanager
     def _frame_table(self) -> Iterator[Iterator[Frame]]:
@@ -402,21 +383,3 @@ def _with_report(recording: Recording, blocks: Iterator[Block]) -> Iterator[_Rea
 def _reason(error: Exception) -> str:
     """Text of an error on one line, of any length that can be read."""
     return " ".join(str(error).split())[:120] or type(error).__name__
-
-
-def _require_valid(frame: Frame) -> None:
-    """Raise a ValueError where no bus can carry a frame."""
-    if len(frame.data) > MAX_PAYLOAD:
-        raise ValueError(f"a frame of {len(frame.data)} bytes")
-    if abs(frame.t_us) > LAST_US:
-        raise ValueError(f"a frame stamped {frame.t_us / 1e6:g} s")
-    if not (frame.is_error or 0 <= frame.arbitration_id <= MOST_ID):
-        raise ValueError(f"a frame of the id {frame.arbitration_id}")
-
-
-def _position(reader: can.io.generic.MessageReader | None) -> int:
-    """Number of bytes of its file that a reader has read; 0 where unknown, as with a data base."""
-    file = getattr(reader, "file", None)
-    for inner in ("buffer", "fileobj"):  # of text, of gzip
-        file = getattr(file, inner, file)
-    return file.tell() if file and not file.closed else 0

@@ -19,7 +19,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import AdhesionCanError, InputError, RecordingError
 from adhesion_can.files import file_sha256, whole_file
-from adhesion_can.recordings import recording as recording_module
+from adhesion_can.recordings import python_can_readers
 from adhesion_can.recordings import recording as recordings
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.python_can_messages import from_message, to_message
@@ -686,8 +686,8 @@ def test_a_frame_that_no_bus_carries_ends_the_reading_like_any_fault(
         def __exit__(self, *_):
             pass
 
-    readers = {**recording_module._READERS, ".csv": (lambda _: Reader(messages), "rt")}
-    monkeypatch.setattr(recording_module, "_READERS", readers)
+    readers = {**python_can_readers._READERS, ".csv": (lambda _: Reader(messages), "rt")}
+    monkeypatch.setattr(python_can_readers, "_READERS", readers)
     recording = Recording(path)
     given = []
     with pytest.raises(RecordingError, match=f"after 1 frames .*{what}"):
