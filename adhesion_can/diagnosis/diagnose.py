@@ -8,8 +8,9 @@
 6. `find_residual_channels`: what remains? Splines in every channel, and waves along the rail.
 7. `confirm_on_hold_out`: does it predict the data that were kept back better?
 
-Each step has a file of its name. Steps 2 and 3 are in `regression`, the others in `inference`;
-`build_diagnosis` puts the findings into sentences, an extended model and plot data.
+Each step has a file of its name. Steps 2 and 3 are in `regression`, the others in `inference`.
+Between steps 6 and 7 the selected model must pass `rules`; `build_diagnosis` puts the findings into
+sentences, an extended model and plot data.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,6 +38,7 @@ from adhesion_can.diagnosis.inference.confirm_on_hold_out import (
 )
 from adhesion_can.diagnosis.inference.curve_shape import (
     choose_families,
+    drop_doubtful_effects,
     judge_shape,
     score_families,
 )
@@ -47,8 +49,6 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
 )
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
 from adhesion_can.diagnosis.inference.judge_surface_changes import explains_without_changes
-from adhesion_can.diagnosis.inference.part_rivals import part_rivals
-from adhesion_can.diagnosis.inference.propose_formula import with_formula
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
@@ -66,12 +66,7 @@ from adhesion_can.diagnosis.next_drive.remaining import (
     RemainingExplanations,
     find_remaining,
 )
-from adhesion_can.diagnosis.refutation.refute import (
-    drop_refuted,
-    refute_by_witness,
-    refute_shape,
-    with_implausible_effects,
-)
+from adhesion_can.diagnosis.refutation.refute import refute_by_witness, refute_shape
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     build_regression_data,
@@ -85,6 +80,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
+from adhesion_can.diagnosis.rules import apply_rules
 from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 from adhesion_can.physics.effects.formula import AnyFormula
@@ -296,7 +292,7 @@ class _Analysis:
         if found.selection.plain.rmse < NOISELESS:
             return found, None
         for curves, most in choose_families(found, found.families):
-            shaped = self.run(found.change_times, curves, most).without_doubtful_effects
+            shaped = drop_doubtful_effects(self.run(found.change_times, curves, most))
             shape = judge_shape(found, shaped)
             if shape is None:
                 continue
@@ -367,7 +363,7 @@ class _Analysis:
             rng = np.random.default_rng(seed)
             return tuple(find_residual_channels(prepared.regression, fitted, channel_alpha, rng))
 
-        found = Findings(
+        selected = Findings(
             prepared=prepared,
             detection=detection,
             selection=selection,
@@ -379,6 +375,4 @@ class _Analysis:
             alpha=self.settings.alpha,
             channel_alpha=channel_alpha,
         )
-        found = with_formula(found.without_noise_averages).without_bent_channel
-        found = part_rivals(found.without_sizeless_effects)
-        return with_implausible_effects(drop_refuted(found))
+        return apply_rules(selected)

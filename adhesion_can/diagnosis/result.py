@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 from enum import Flag, StrEnum, auto
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.cause_result import (
@@ -17,15 +17,13 @@ from adhesion_can.diagnosis.cause_result import (
 )
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, ModelScore, Untested
+from adhesion_can.diagnosis.next_drive.explanations import Explanation
+from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.diagnosis.next_drive.result import NextDrive
 from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import html_table, plus_minus
-
-if TYPE_CHECKING:  # they build on the findings, which build on this module
-    from adhesion_can.diagnosis.next_drive.explanations import Explanation
-    from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 
 MUCH_LEFT = 1.5
 """RMSE over the noise floor from which what the plain curve leaves is not called noise."""
@@ -304,8 +302,8 @@ class Diagnosis:
     environments: tuple[EnvironmentSizes, ...] = ()
     noise: NoiseResult | None = None
     next_drive: NextDrive | None = None
-    explanations: "tuple[Explanation, ...]" = ()
-    remaining: "RemainingExplanations | None" = None
+    explanations: tuple[Explanation, ...] = ()
+    remaining: RemainingExplanations | None = None
     models: tuple[ModelScore, ...] = ()
     witness: Witness | None = None
     saturated: bool = False

@@ -7,8 +7,8 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
-from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import RegressionData

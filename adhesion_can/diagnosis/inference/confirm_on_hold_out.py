@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from adhesion_can.diagnosis.evidence import Untested
-from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain, is_significant
 from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN
+from adhesion_can.diagnosis.inference.shape_finding import ShapeFinding
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, remove_effect

@@ -7,12 +7,13 @@ instruments and vehicle is preferred, and then the one with fewer causes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_GAIN,
     LEAST_WHITENED_GAIN,
@@ -26,6 +27,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
 from adhesion_can.diagnosis.inference.one_speed import is_at_one_speed
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS
 from adhesion_can.diagnosis.inference.sensor_noise import compare_where_effort_is_noisy
+from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
@@ -34,9 +36,6 @@ from adhesion_can.estimation.compare_directions import share_opposite
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION
-
-if TYPE_CHECKING:
-    from adhesion_can.diagnosis.inference.findings import Findings
 
 OTHERS: tuple[CurveFamily, ...] = tuple(
     FAMILIES[name] for name in ("polach", "magic_formula", "free")
@@ -51,39 +50,12 @@ on the weights of the latter, for the family to be tried in their place."""
 FIRST_ITERATIONS = 30
 MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
-
-
+BESIDE_SHAPE = 0.05
+"""Share by which an effect beside a shape must lower the cross-validated whitened square: the
+family's own error of form must not get a name, nor a lag that averages noise of the slip."""
 ABOVE_NOISE = 1.06
 """What Burckhardt's curve must leave over the sensors' noise for another shape. In six drives
 without a mechanism it was 1.01 to 1.04, on four contacts of another shape 1.25 to 2.5."""
-
-
-@dataclass(frozen=True, eq=False)
-class ScoredFamily:
-    """Curves of one family alone, fitted to the rows that decide.
-
-    Attributes:
-        family: Family of the curves.
-        scored: Fitted curves without effects.
-        extended: Fitted curves with the effects that are named on Burckhardt's curve; `scored`
-            where there are none.
-
-    """
-
-    family: CurveFamily
-    scored: ScoredModel
-    extended: ScoredModel
-
-    @property
-    def square(self) -> float:
-        """Cross-validated whitened square, the smaller one of both fits."""
-        both = (self.scored, self.extended)
-        return min(one.fitted.cross_validated_square for one in both)
-
-    @property
-    def held_out_rmse(self) -> float:
-        """Cross-validated whitened RMSE of the curves alone, in standard deviations of noise."""
-        return self.scored.held_out_rmse
 
 
 class FamilyChoice(NamedTuple):
@@ -99,28 +71,7 @@ class FamilyChoice(NamedTuple):
     most_effects: int
 
 
-@dataclass(frozen=True, eq=False)
-class ShapeFinding:
-    """A base curve that is of another family than Burckhardt's.
-
-    Attributes:
-        family: Family of the base curve.
-        burckhardt: Burckhardt's curves without effects, on the same regression.
-        same: Burckhardt's curves with the same effects, on the same regression.
-        p_value: P-value of the gain over Burckhardt's curves with the same effects, all families
-            counted.
-        rivals: Ids of effects on Burckhardt's curve that the data cannot separate from the shape.
-
-    """
-
-    family: CurveFamily
-    burckhardt: ScoredModel
-    same: ScoredModel
-    p_value: float
-    rivals: tuple[str, ...]
-
-
-def score_families(found: "Findings") -> tuple[ScoredFamily, ...]:
+def score_families(found: Findings) -> tuple[ScoredFamily, ...]:
     """Burckhardt's curves and those of the other families, on one regression; Burckhardt first.
 
     Args:
@@ -141,7 +92,7 @@ def score_families(found: "Findings") -> tuple[ScoredFamily, ...]:
     return tuple(fits)
 
 
-def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[FamilyChoice]:
+def choose_families(found: Findings, fits: Sequence[ScoredFamily]) -> list[FamilyChoice]:
     """Families that may replace Burckhardt's, the preferred one first; often none.
 
     A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %,
@@ -174,7 +125,24 @@ def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[Fam
     return [FamilyChoice(curves, most) for curves, most in choices if most is not None]
 
 
-def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
+def drop_doubtful_effects(shaped: Findings) -> Findings:
+    """The findings without effects that are not significant, or not worth it beside a shape.
+
+    Args:
+        shaped: Findings with the curve of another family.
+
+    """
+    best, plain = shaped.selection.best, shaped.selection.plain
+    worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * plain.rmse
+    # Where the curve is steep, the RMSE is that of the slip's noise: whoever averages it gains.
+    square = plain.fitted.cross_validated_square
+    worth &= best.fitted.cross_validated_square < (1.0 - BESIDE_SHAPE) * square
+    if worth and all(shaped.p_value(c) <= shaped.alpha for c in best.candidates):
+        return shaped
+    return shaped.with_best(plain)
+
+
+def judge_shape(found: Findings, shaped: Findings) -> ShapeFinding | None:
     """The shape as a finding where it is the better explanation; None where it is not.
 
     Args:
@@ -259,7 +227,7 @@ def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bo
     return share_opposite(aligned[regression.used & (slope < 0.0)]) > 0.0
 
 
-def _leaves_slip(found: "Findings", shaped: "Findings") -> bool:
+def _leaves_slip(found: Findings, shaped: Findings) -> bool:
     """Whether the residual still depends on the slip much: then the family is not the shape.
 
     Errors of the slip leave such a dependence on any steep curve. It does not count where the
@@ -269,18 +237,14 @@ def _leaves_slip(found: "Findings", shaped: "Findings") -> bool:
     before = _explained_by_slip(found.channels_of_plain, plain.rmse)
     if best.rmse**2 < plain.rmse**2 - before:
         return False
-    left = [
-        one
-        for one in shaped.channels_of_best
-        if one.p_value <= shaped.channel_alpha and one.gain >= SECOND_LEAST_GAIN
-    ]
+    left = [one for one in shaped.significant_channels_of_best if one.gain >= SECOND_LEAST_GAIN]
     return _explained_by_slip(left, best.rmse) > MOST_LEFT * before
 
 
 def _explained_by_slip(channels: Sequence[ResidualChannel], rmse: float) -> float:
     """Mean square of the adhesion that a spline in the slip takes off a residual."""
-    gain = max((one.gain for one in channels if one.channel.name == "slip"), default=0.0)
-    return rmse**2 * (1.0 - (1.0 - gain) ** 2)
+    by_slip = (one.explained_square(rmse) for one in channels if one.channel.name == "slip")
+    return max(by_slip, default=0.0)
 
 
 def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:
@@ -298,7 +262,7 @@ def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:
     )
 
 
-def _find_rivals(shaped: "Findings", burckhardt: ScoredModel, best: ScoredModel) -> tuple[str, ...]:
+def _find_rivals(shaped: Findings, burckhardt: ScoredModel, best: ScoredModel) -> tuple[str, ...]:
     """Ids of effects that could stand for the shape."""
     rivals: set[str] = set()
     if burckhardt.candidates and not is_worse(best, burckhardt):

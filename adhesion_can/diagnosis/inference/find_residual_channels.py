@@ -55,6 +55,10 @@ class ResidualChannel:
     jacobian: Array
     coefficients: Array
 
+    def explained_square(self, rmse: float) -> float:
+        """Mean square of the adhesion that the channel's spline takes off a residual."""
+        return rmse**2 * (1.0 - (1.0 - self.gain) ** 2)
+
     @property
     def prediction_change(self) -> Array:
         """Change of the predicted adhesion with the curves refitted, shape (n,)."""

@@ -44,7 +44,7 @@ MOST_LEFT = 0.1
 """Share of what a formula explains that a spline in its channel may explain besides."""
 
 
-def with_formula(found: Findings) -> Findings:
+def propose_formula(found: Findings) -> Findings:
     """The findings with a formula for a channel that matters; as they are where there is none.
 
     A formula takes the place of a factor that is linear in a user's channel, where that is not the
@@ -84,10 +84,8 @@ def _left_over(found: Findings) -> ResidualChannel | None:
     # Time and position follow whatever varies slowly.
     possible = (
         one
-        for one in found.channels_of_best
-        if one.p_value <= found.channel_alpha
-        and one.gain >= SECOND_LEAST_GAIN
-        and _is_possible(one.channel, found)
+        for one in found.significant_channels_of_best
+        if one.gain >= SECOND_LEAST_GAIN and _is_possible(one.channel, found)
     )
     return next(possible, None)
 
@@ -235,8 +233,7 @@ def _describes(extended: Findings, channel: str, rest: ScoredModel) -> bool:
     left = next(own, None)
     if left is None or (left.p_value > extended.channel_alpha and left.gain < SECOND_LEAST_GAIN):
         return True
-    remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)
-    return remaining <= MOST_LEFT * (rest.rmse**2 - best.rmse**2)
+    return left.explained_square(best.rmse) <= MOST_LEFT * (rest.rmse**2 - best.rmse**2)
 
 
 def _kind(one: ScoredModel) -> str:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     ScoredModel,
@@ -14,6 +13,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     score_model,
 )
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
+from adhesion_can.diagnosis.inference.shape_finding import ShapeFinding
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import Model, remove_effect

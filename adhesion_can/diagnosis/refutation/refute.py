@@ -198,9 +198,7 @@ def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) 
         same = fit_model(regression, found.shape.same.fitted.model).model
         family = found.shape.family.name
         refuted = (*refuted, RefutedCause(CURVE_SHAPE, family, None, fitted, same, reason))
-    rest = plain_found.selection
-    selection = replace(rest, best=rest.plain, indistinguishable=())
-    return replace(plain_found, selection=selection, refuted=refuted)
+    return replace(plain_found.with_best(plain_found.selection.plain), refuted=refuted)
 
 
 def _refute_all(
@@ -229,11 +227,11 @@ def _refute_all(
             zip(fitted.model.candidates, without, strict=True)
         )
     ]
-    selection = replace(found.selection, best=found.selection.plain, indistinguishable=())
-    return replace(found, selection=selection, refuted=(*found.refuted, *refuted))
+    without_effects = found.with_best(found.selection.plain)
+    return replace(without_effects, refuted=(*found.refuted, *refuted))
 
 
-def with_implausible_effects(found: Findings) -> Findings:
+def add_implausible_effects(found: Findings) -> Findings:
     """The findings with the effects that would explain the data by a size that no vehicle has.
 
     Nothing else is put silently in their place: they are refuted causes with that reason.
