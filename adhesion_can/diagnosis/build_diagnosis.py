@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypedDict
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from adhesion_can.diagnosis.extended_model import (
     refit_with_spline,
 )
 from adhesion_can.diagnosis.formatting import effect_name
+from adhesion_can.diagnosis.gain_result import Gain, GainMethod
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.equivalent_effects import find_equivalent_effects
@@ -28,10 +31,8 @@ from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
 from adhesion_can.diagnosis.plot_data import (
-    build_curve_data,
-    build_prediction_plot,
+    build_plots,
     build_profile,
-    build_simulation_plots,
     find_plotted_channel,
 )
 from adhesion_can.diagnosis.plot_result import Profile
@@ -40,7 +41,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.diagnosis.result import Diagnosis, Gain, GainMethod, Verdict
+from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.diagnosis.sentences import (
     cause_sentence,
     channel_sentence,
@@ -61,11 +62,7 @@ from adhesion_can.physics.effects.empirical import Empirical
 
 def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untested]) -> Diagnosis:
     """Diagnosis of data that allow none."""
-    return Diagnosis(
-        Verdict.NOTHING, (), None, (), None, (), (), None, tuple(untested), (), None, None, (),
-        None, {drive.name: len(drive) for drive in drives}, _count_lost_rows(drives),
-        begins={drive.name: drive.first_us for drive in drives},
-    )  # fmt: skip
+    return Diagnosis(verdict=Verdict.NOTHING, untested=tuple(untested), **_describe_inputs(drives))
 
 
 def build_diagnosis(
@@ -105,10 +102,14 @@ def build_diagnosis(
     if confirmed.shape is not None and longest is not None:
         cause = build_shape_cause(confirmed.shape, extended.fitted, surface, longest)
         causes = (cause, *causes)
-    simulation_plots = (
-        []
-        if verdict is Verdict.NOTHING
-        else build_simulation_plots(drives[drive_number], surface, plain, extended.model)
+    draw = partial(
+        build_plots,
+        data,
+        drives[drive_number],
+        surface,
+        plain,
+        extended.model,
+        with_simulations=verdict is not Verdict.NOTHING,
     )
     model = build_extended_model(
         extended.model,
@@ -147,18 +148,14 @@ def build_diagnosis(
         surfaces=surfaces,
         model=model,
         profile=profile,
-        simulation_plots=tuple(simulation_plots),
-        prediction=build_prediction_plot(data, plain, extended.model),
-        curves=build_curve_data(data, surface, extended.model),
-        samples={drive.name: len(drive) for drive in drives},
-        lost=_count_lost_rows(drives),
+        draw=draw,
         families=build_family_results(found, surface),
         closest=build_closest(confirmed, data),
         environments=build_environments(found, confirmed, causes, extended.fitted.model),
         noise=_build_noise(found),
         saturated=bool(found.saturated),
         oscillates=found.oscillates,
-        begins={drive.name: drive.first_us for drive in drives},
+        **_describe_inputs(drives),
     )
 
 
@@ -260,14 +257,27 @@ def _compute_residual_after(found: Findings, confirmed: ConfirmedFindings, model
     return evaluate_model(data, model.curves, model.active_effects).residual
 
 
-def _count_lost_rows(drives: Sequence[DriveData]) -> dict[str, int]:
-    """Number of unusable rows by recording and reason."""
-    return {
-        f"{drive.name}: {reason}": count
-        for drive in drives
-        for reason, count in drive.lost.items()
-        if count
-    }
+class _Inputs(TypedDict):
+    """Fields of a diagnosis that describe its drives."""
+
+    samples: dict[str, int]
+    lost: dict[str, int]
+    begins: dict[str, int]
+    tables: bool
+
+
+def _describe_inputs(drives: Sequence[DriveData]) -> _Inputs:
+    return _Inputs(
+        samples={drive.name: len(drive) for drive in drives},
+        lost={
+            f"{drive.name}: {reason}": count
+            for drive in drives
+            for reason, count in drive.lost.items()
+            if count
+        },
+        begins={drive.name: drive.first_us for drive in drives},
+        tables=any(drive.table for drive in drives),
+    )
 
 
 def _sort_by_gain(found: Findings, named: Sequence[Candidate]) -> list[Candidate]:

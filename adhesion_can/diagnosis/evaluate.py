@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import thin_drives
+from adhesion_can.diagnosis.gain_result import Comparison
 from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.inference.hold_out_gain import LEAST_RECORDINGS, gain_interval
 from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS, number_blocks_of_drives
@@ -35,7 +36,6 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 )
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
-from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect

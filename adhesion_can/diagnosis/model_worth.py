@@ -7,7 +7,7 @@ model as written.
 from enum import StrEnum
 from math import isfinite
 
-from adhesion_can.diagnosis.result import Comparison
+from adhesion_can.diagnosis.gain_result import Comparison
 
 USEFUL_GAIN = 0.5
 """Gain from which a model is of practical use, %: its effects then explain a tenth of the residual

@@ -7,7 +7,13 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
+from adhesion_can.diagnosis.plot_result import (
+    CurveData,
+    PlotData,
+    PredictionPlot,
+    Profile,
+    SimulationPlot,
+)
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
@@ -109,9 +115,36 @@ def _number_bins(values: Array) -> NDArray[np.int64]:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
+def build_plots(
+    data: RegressionData,
+    drive: DriveData,
+    surface: int,
+    plain: Model,
+    extended: Model,
+    *,
+    with_simulations: bool,
+) -> PlotData:
+    """Everything that is drawn of the longest segment.
+
+    Args:
+        data: Rows of all drives.
+        drive: Every row of the recording with the segment.
+        surface: Number of the segment's surface.
+        plain: Model without effects.
+        extended: Model with effects.
+        with_simulations: Whether signals are simulated, of a recording.
+
+    """
+    return PlotData(
+        build_simulation_plots(drive, surface, plain, extended) if with_simulations else (),
+        build_prediction_plot(data, plain, extended),
+        build_curve_data(data, surface, extended),
+    )
+
+
 def build_simulation_plots(
     drive: DriveData, surface: int, plain: Model, extended: Model
-) -> list[SimulationPlot]:
+) -> tuple[SimulationPlot, ...]:
     """Measured against simulated signals, for the axle and span that the extension changes most.
 
     Args:
@@ -122,7 +155,7 @@ def build_simulation_plots(
 
     """
     if not len(drive) or drive.table:
-        return []
+        return ()
     before = _evaluate_drive(drive, plain, surface)
     after = _evaluate_drive(drive, extended, surface)
     change = np.abs(before.residual - after.residual)
@@ -135,8 +168,8 @@ def build_simulation_plots(
     start_s = float(windows[int(np.argmax(power))]) * WINDOW_S / 2
     rows = own[(drive.t_s[own] >= start_s) & (drive.t_s[own] < start_s + WINDOW_S)]
     if len(rows) < LEAST_ROWS:
-        return []
-    return [
+        return ()
+    return (
         SimulationPlot(
             recording=drive.name,
             axle=axle,
@@ -148,8 +181,8 @@ def build_simulation_plots(
             predicted_before=before.predicted[rows],
             predicted_after=after.predicted[rows],
             restart_s=RESTART_S,
-        )
-    ]
+        ),
+    )
 
 
 def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> Evaluation:

@@ -8,11 +8,12 @@ import numpy as np
 
 from adhesion_can.diagnosis.cause_result import Cause
 from adhesion_can.diagnosis.formatting import measured, short, sizes, three_digits, unit_text
+from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.plot_result import Profile
 from adhesion_can.diagnosis.regression.channel_splines import Channel
-from adhesion_can.diagnosis.result import Diagnosis, Gain
+from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import Observability, forms_of_effect

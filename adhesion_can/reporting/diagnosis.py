@@ -18,7 +18,8 @@ from adhesion_can.diagnosis.formatting import (
     sizes,
     three_digits,
 )
-from adhesion_can.diagnosis.result import Diagnosis, Gain, Verdict
+from adhesion_can.diagnosis.gain_result import Gain
+from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.diagnosis.sentences import unexplained_clause
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
@@ -339,7 +340,7 @@ def needed_sentence(found: Diagnosis) -> str:
     planned = found.next_drive
     if not found.needed or (planned is not None and planned.plan is not None):
         return ""
-    can_plan = found.prediction is None and planned is None
+    can_plan = not found.tables and planned is None
     return f"Needed{', by the plan of --next-drive or by hand' if can_plan else ''}: {found.needed}"
 
 

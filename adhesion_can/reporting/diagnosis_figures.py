@@ -8,13 +8,14 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.evidence import Decision, ModelScore
 from adhesion_can.diagnosis.formatting import short, three_digits, unit_text
+from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.plot_result import (
     CurveData,
     PredictionPlot,
     Profile,
     SimulationPlot,
 )
-from adhesion_can.diagnosis.result import FamilyResult, Gain, SegmentResult
+from adhesion_can.diagnosis.result import FamilyResult, SegmentResult
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.estimate import Estimate

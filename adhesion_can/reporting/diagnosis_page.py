@@ -173,13 +173,14 @@ def _gain(found: Diagnosis) -> Parts:
 
 
 def _simulation_plots(found: Diagnosis) -> Parts:
-    if found.prediction is not None:
-        return [prediction_figure(found.prediction, extended=has_extension(found))]
-    if not found.simulation_plots:
+    prediction = found.plots.prediction
+    if prediction is not None:
+        return [prediction_figure(prediction, extended=has_extension(found))]
+    if not found.plots.simulations:
         return [Text("There is no span to show.")]
     return [
         simulation_figure(one, recording_times(found, one.recording), extended=has_extension(found))
-        for one in found.simulation_plots
+        for one in found.plots.simulations
     ]
 
 
@@ -191,12 +192,12 @@ def _profile(found: Diagnosis) -> Parts:
 
 def _curve(found: Diagnosis) -> Parts:
     parts: Parts = []
-    longest = found.longest_segment
-    if longest is not None and found.curves is not None:
+    longest, curves = found.longest_segment, found.curves
+    if longest is not None and curves is not None:
         times, extended = recording_times(found, longest.recording), has_extension(found)
-        parts.append(curve_figure(longest, times, found.curves, extended=extended))
-    if found.families and found.curves is not None:
-        parts += [family_figure(found.families, found.curves), _family_table(found)]
+        parts.append(curve_figure(longest, times, curves, extended=extended))
+    if found.families and curves is not None:
+        parts += [family_figure(found.families, curves), _family_table(found)]
     if found.surfaces:
         parts.append(_surface_table(found, extended=has_extension(found)))
     return parts or [Text("No curve could be fitted.")]

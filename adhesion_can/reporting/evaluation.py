@@ -5,8 +5,8 @@ from math import isfinite
 
 from adhesion_can.diagnosis.evaluate import Evaluation, PartEvaluation
 from adhesion_can.diagnosis.formatting import short
+from adhesion_can.diagnosis.gain_result import Comparison
 from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
-from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.reporting.charts import BLUE, GREY, ORANGE
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
 from adhesion_can.reporting.text import FittingTable, table

@@ -3,6 +3,7 @@
 import io
 import json
 from dataclasses import replace
+from functools import partial
 from math import inf, nan
 from pathlib import Path
 
@@ -24,15 +25,15 @@ from adhesion_can.diagnosis.cause_result import (
 )
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
 from adhesion_can.diagnosis.formatting import measured
-from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
-from adhesion_can.diagnosis.result import (
-    Diagnosis,
-    Gain,
-    GainMethod,
-    InputFile,
-    SegmentResult,
-    Verdict,
+from adhesion_can.diagnosis.gain_result import Gain, GainMethod
+from adhesion_can.diagnosis.plot_result import (
+    CurveData,
+    PlotData,
+    PredictionPlot,
+    Profile,
+    SimulationPlot,
 )
+from adhesion_can.diagnosis.result import Diagnosis, InputFile, SegmentResult, Verdict
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
@@ -143,8 +144,10 @@ def named():
             sizes_of("wheelset_inertia", "error", "speed", 812.0, (300.0, 1400.0), refutes=True),
         ),
         noise=NoiseResult(0.0122, 0.0120, 0.0122 / 0.0120, exceeds=False, leaves_more=False),
-        simulation_plots=(simulation_plot(rng, 2), simulation_plot(rng, 5)),
-        curves=CurveData(slip, curve * 0.9 + 2 * noise[0], slip, curve + noise[1]),
+        draw=drawn(
+            (simulation_plot(rng, 2), simulation_plot(rng, 5)),
+            curves=CurveData(slip, curve * 0.9 + 2 * noise[0], slip, curve + noise[1]),
+        ),
         samples={"drive one.log": 36000, "other.log": 24000},
         lost={"below v_min": 120, "slip out of range": 0},
     )  # fmt: skip
@@ -158,6 +161,11 @@ def profile(rng):
     return Profile(
         "speed", "m/s", at, before, 0.001 * rng.standard_normal(14), std, std, 0.04 - 0.0031 * at
     )
+
+
+def drawn(*plots, **more):
+    """What draws these plots."""
+    return partial(PlotData, *plots, **more)
 
 
 def simulation_plot(rng, axle):
@@ -205,11 +213,7 @@ def unexplained():
 
 def empty():
     """A diagnosis of data that allow none."""
-    return Diagnosis(
-        verdict=Verdict.NOTHING, causes=(), channel=None, wrong=(), gain=None, evidence=(),
-        channels=(), needed=None, untested=(Untested("everything", "too few rows"),), surfaces=(),
-        model=None, profile=None, simulation_plots=(), curves=None,
-    )  # fmt: skip
+    return Diagnosis(verdict=Verdict.NOTHING, untested=(Untested("everything", "too few rows"),))
 
 
 MADE = {"named": named, "nothing": nothing, "unexplained": unexplained, "empty": empty}
@@ -533,7 +537,9 @@ def test_what_is_told_is_never_markup():
         named(), wrong=(NASTY,), needed=NASTY, untested=(Untested(NASTY, NASTY),),
         channels=(ChannelEvidence(NASTY, NASTY, 0.5, 0.1),), lost={NASTY: 3},
         profile=replace(named().profile, channel=NASTY),
-        simulation_plots=(replace(named().simulation_plots[0], recording=NASTY),),
+        draw=drawn(
+            (replace(named().plots.simulations[0], recording=NASTY),), curves=named().curves
+        ),
         environments=(sizes_of(NASTY, NASTY, NASTY, 1.0, (1.0, 2.0), refutes=True),),
         closest=(replace(named().closest[0], refuted_by=NASTY, title=NASTY),),
     )  # fmt: skip
@@ -567,7 +573,8 @@ def test_long_series_are_thinned_and_gaps_stay():
         )
     }  # fmt: skip
     series["adhesion"][31234] = 0.77
-    found = replace(named(), simulation_plots=(replace(long, time_s=t, **series),))
+    plots = replace(named().plots, simulations=(replace(long, time_s=t, **series),))
+    found = replace(named(), draw=lambda: plots)
     text = render(page(of_files(found, SOURCES), PROVENANCE))
     shown = [f for f in Elements(text).figures() if len(f["data"]) == 8]
     assert len(shown) == 1
@@ -650,10 +657,25 @@ def test_a_leap_of_the_abscissa_is_a_gap():
 def test_a_table_shows_measured_against_predicted_adhesion():
     measured = np.linspace(-0.3, 0.3, 50)
     plot = PredictionPlot(measured, 0.8 * measured, measured + 0.01, 500)
-    made = page(replace(named(), simulation_plots=(), prediction=plot), PROVENANCE)
+    made = page(replace(named(), draw=drawn(prediction=plot)), PROVENANCE)
     (part,) = next(s for s in made.sections if s.title == "Measured and simulated").parts
     assert "50 of 500 rows" in part.caption
     points = [trace for trace in part.data if trace["mode"] == "markers"]
     rmse = 0.2 * np.sqrt(np.mean(measured**2))
     assert [trace["name"].split("RMSE ")[1] for trace in points] == [f"{rmse:.3g}", "0.01"]
     go.Figure(part.data, part.layout)
+
+
+def test_only_a_page_computes_what_it_draws():
+    drawn_for = []
+
+    def draw():
+        drawn_for.append("page")
+        return PlotData()
+
+    found = of_files(replace(named(), draw=draw), SOURCES)
+    found.to_dict()
+    printed(found)
+    assert not drawn_for
+    page(found, PROVENANCE)
+    assert drawn_for == ["page"]

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from adhesion_can.diagnosis.evidence import Untested
+from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain, is_significant
@@ -19,7 +20,6 @@ from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
-from adhesion_can.diagnosis.result import Gain
 from adhesion_can.diagnosis.sentences import name_with_wave
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 

@@ -18,6 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.gain_result import Gain, GainMethod
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.split_hold_out import held_blocks
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
@@ -28,7 +29,6 @@ from adhesion_can.diagnosis.regression.model import (
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
-from adhesion_can.diagnosis.result import Gain, GainMethod
 
 CONFIDENCE = 0.95
 """Confidence level of the interval."""
