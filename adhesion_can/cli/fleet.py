@@ -23,10 +23,10 @@ from adhesion_can.cli.fleet_summary import Summary, describe
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_extra
+from adhesion_can.fleet.page.build_page import fleet_page
 from adhesion_can.fleet.schema import STEPS
 from adhesion_can.plurals import counted
 from adhesion_can.printable import say
-from adhesion_can.reporting.fleet_page import fleet_page
 from adhesion_can.reporting.page import render
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from adhesion_can.fleet.overview import Failure, FleetOverview
+from adhesion_can.fleet.page.build_page import fleet_page
+from adhesion_can.fleet.page.words import left_out
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
-from adhesion_can.reporting.fleet_page import fleet_page
-from adhesion_can.reporting.fleet_words import left_out
 from adhesion_can.reporting.page import render, write_page
 from tests.fleet.synthetic_overview import synthetic_overview
 from tests.fleet.synthetic_units import Fleet

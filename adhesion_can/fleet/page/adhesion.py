@@ -1,18 +1,14 @@
 """Adhesion on the page of a fleet: by line and day, and on a map."""
 
 from collections import defaultdict
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from adhesion_can.fleet.overview import FleetOverview, PlaceEstimate
+from adhesion_can.fleet.page.words import MOST_ROWS, left_out
 from adhesion_can.reporting.charts import BLUE, GREEN, ORANGE, RED, Trace
-from adhesion_can.reporting.fleet_words import MOST_ROWS, left_out
 from adhesion_can.reporting.page import Figure, Part, Table, Text
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from adhesion_can.fleet.overview import FleetOverview, PlaceEstimate
 
 MOST_LINES = 8
 """Largest number of lines that are drawn, those with the most segments."""
@@ -22,7 +18,7 @@ MAP_HEIGHT = 520
 """Height of the map, px."""
 
 
-def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
+def adhesion_parts(estimates: Sequence[PlaceEstimate]) -> list[Part]:
     """Figure by day and table of the lines and days.
 
     Args:
@@ -58,7 +54,7 @@ def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
     return parts
 
 
-def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Figure:
+def _by_day(by_line: Mapping[str, Sequence[PlaceEstimate]], lines: int) -> Figure:
     data: list[Trace] = []
     for number, (line, own) in enumerate(by_line.items()):
         dated = [one for one in own if one.day]
@@ -104,7 +100,7 @@ def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Fig
     return Figure(caption, data, layout, 380, "adhesion-by-day")
 
 
-def map_parts(overview: "FleetOverview") -> list[Part]:
+def map_parts(overview: FleetOverview) -> list[Part]:
     """Map of the surfaces with a position.
 
     Args:
