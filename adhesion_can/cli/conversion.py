@@ -20,7 +20,7 @@ from adhesion_can.recordings.problems import (
     no_frame_error,
 )
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.reporting.export import Rows, Writer
+from adhesion_can.reporting.export import GroupRows, Writer
 from adhesion_can.reporting.export.messages import MessageRows, id_text
 
 _SHOWN = 10
@@ -70,7 +70,7 @@ class Conversion:
         rows, frames = self._rows.build(*self._decode(block, file))
         writer.write(rows, frames)
 
-    def decode(self, block: Block, file: int) -> tuple[list[Message], list[Rows]]:
+    def decode(self, block: Block, file: int) -> tuple[list[Message], list[GroupRows]]:
         """Messages and rows of a block of the `file`-th recording; the block is counted."""
         decoded, wanted = self._decode(block, file)
         kept = [columns.message for columns in decoded if (columns.outcome == 0).any()]

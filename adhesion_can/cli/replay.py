@@ -38,7 +38,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
-from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
+from adhesion_can.offline.fit_errors import CurveMisfit, MisfitCollector
 from adhesion_can.offline.missing_samples import describe_dropped
 from adhesion_can.offline.recording_fit import SeenIds, require_accepted, require_fit
 from adhesion_can.offline.stamps import in_seconds
@@ -339,7 +339,7 @@ def _print(
         out.print(line, markup=False)
 
 
-def _describe_fit(misfit: Misfit | None, config: Configuration) -> str:
+def _describe_fit(misfit: CurveMisfit | None, config: Configuration) -> str:
     """Sentence on the error of the adhesion about the best-fitting curves."""
     if misfit is None:
         return "Too few samples for a misfit of the curve."

@@ -7,7 +7,7 @@ from math import nan
 import numpy as np
 
 from adhesion_can.diagnosis.cause_result import Cause
-from adhesion_can.diagnosis.evidence import Decision, Evidence, ModelScore
+from adhesion_can.diagnosis.evidence import Decision, EffectEvidence, ModelScore
 from adhesion_can.diagnosis.formatting import effect_name
 from adhesion_can.diagnosis.inference.candidates import IMITATED
 from adhesion_can.diagnosis.inference.findings import Findings
@@ -35,7 +35,7 @@ _FIRST = (Decision.NAMED, Decision.RIVAL)
 
 def build_evidence(
     found: Findings, causes: Sequence[Cause], refuted: Mapping[tuple[str, int], float]
-) -> tuple[Evidence, ...]:
+) -> tuple[EffectEvidence, ...]:
     """Evidence of every tested effect: named ones, their rivals, then by gain.
 
     Args:
@@ -62,7 +62,7 @@ def build_evidence(
         gain = 50.0 * float(detection.test.gain[place])
         decision, worse = _decide(found, candidate, place, causes, fit)
         out.append(
-            Evidence(
+            EffectEvidence(
                 candidate.effect.id,
                 candidate.effect.form,
                 candidate.axle,
@@ -80,7 +80,9 @@ def build_evidence(
     return tuple(sorted(out, key=lambda e: (_rank(e.decision), -e.gain_percent, e.p_value)))
 
 
-def build_model_scores(found: Findings, evidence: Sequence[Evidence]) -> tuple[ModelScore, ...]:
+def build_model_scores(
+    found: Findings, evidence: Sequence[EffectEvidence]
+) -> tuple[ModelScore, ...]:
     """Held-out scores of the models that were compared, the smallest first.
 
     Args:
@@ -170,8 +172,8 @@ def _compare(found: Findings, best: ScoredModel, fit: ScoredModel) -> tuple[Deci
 
 
 def _mark_refuted(
-    evidence: Sequence[Evidence], refuted: Mapping[tuple[str, int], float]
-) -> list[Evidence]:
+    evidence: Sequence[EffectEvidence], refuted: Mapping[tuple[str, int], float]
+) -> list[EffectEvidence]:
     """The same with what a further drive refuted as refuted, by the p-value of that test."""
     return [
         replace(one, decision=Decision.REFUTED, worse_p_value=refuted[one.effect, one.axle], why="")
@@ -181,7 +183,9 @@ def _mark_refuted(
     ]
 
 
-def _mark_rivals(evidence: Sequence[Evidence], causes: Sequence[Cause]) -> list[Evidence]:
+def _mark_rivals(
+    evidence: Sequence[EffectEvidence], causes: Sequence[Cause]
+) -> list[EffectEvidence]:
     """The same with the strongest form of each rival as rival, and the others that were fitted."""
     out = list(evidence)
     for rival in {rival for cause in causes for rival in cause.rivals}:

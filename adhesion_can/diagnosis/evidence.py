@@ -26,7 +26,7 @@ class Decision(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class EffectEvidence:
     """Evidence of the data for one effect.
 
     Attributes:

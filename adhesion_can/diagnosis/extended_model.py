@@ -11,7 +11,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChan
 from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread, compare_peaks
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import (
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     evaluate_model,
@@ -125,7 +125,7 @@ def _take_fitted_curves(
     surface: int,
     extended: Model,
     fits: SegmentFits,
-    evaluation: Evaluation,
+    evaluation: EvaluatedModel,
 ) -> SegmentResult:
     """Result of a segment with the curves of the regression, which knows errors of the slips."""
     own = data.surface == surface
@@ -148,7 +148,7 @@ def _take_fitted_curves(
 
 
 def _estimate_segment(
-    drive: DriveData, rows: NDArray[np.int64], start: int, evaluation: Evaluation
+    drive: DriveData, rows: NDArray[np.int64], start: int, evaluation: EvaluatedModel
 ) -> SegmentResult:
     """Estimate the curves of one segment, its rows taken as independent.
 

@@ -17,7 +17,7 @@ from adhesion_can.diagnosis.plot_result import (
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     evaluate_model,
@@ -185,7 +185,7 @@ def build_simulation_plots(
     )
 
 
-def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> Evaluation:
+def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> EvaluatedModel:
     """A model with the curve of one surface, evaluated on every row of a drive."""
     data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
     return evaluate_model(data, model.curves.select(surface), model.active_effects)

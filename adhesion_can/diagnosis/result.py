@@ -17,7 +17,7 @@ from adhesion_can.diagnosis.cause_result import (
     Witness,
 )
 from adhesion_can.diagnosis.effect_grams import EffectGrams
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, ModelScore, Untested
+from adhesion_can.diagnosis.evidence import ChannelEvidence, EffectEvidence, ModelScore, Untested
 from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
 from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
@@ -172,7 +172,7 @@ class Diagnosis:
     channel: str | None = None
     wrong: tuple[str, ...] = ()
     gain: Gain | None = None
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[EffectEvidence, ...] = ()
     models: tuple[ModelScore, ...] = ()
     channels: tuple[ChannelEvidence, ...] = ()
     needed: str | None = None

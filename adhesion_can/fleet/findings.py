@@ -19,7 +19,7 @@ class Scope(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class FleetFinding:
     """One finding.
 
     Attributes:
@@ -107,7 +107,7 @@ class VehicleSummary:
 
     vehicle: str
     score: float
-    findings: tuple[Finding, ...]
+    findings: tuple[FleetFinding, ...]
     units: int
     failed: int
     reasons: tuple[str, ...] = ()
@@ -172,7 +172,7 @@ class FleetDiagnosis:
     """
 
     vehicles: tuple[VehicleSummary, ...]
-    shared: tuple[Finding, ...]
+    shared: tuple[FleetFinding, ...]
     kinds: tuple[KindSummary, ...]
     units: int
     diagnosed: int
@@ -202,7 +202,7 @@ class FleetDiagnosis:
         return tuple((one, effect) for one in self.vehicles for effect in one.causes_alone)
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[FleetFinding, ...]:
         """All findings: those of the fleet, lines and days, then of the vehicles."""
         return (*self.shared, *(f for one in self.vehicles for f in one.findings))
 

@@ -24,7 +24,7 @@ Effects = frozenset[tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
-class Kind:
+class VehicleKind:
     """Units of vehicles that are compared with each other.
 
     Attributes:
@@ -47,7 +47,7 @@ class Kind:
         return self.vehicles >= LEAST_VEHICLES
 
 
-def find_kinds(units: Iterable[UnitEvidence]) -> tuple[Kind, ...]:
+def find_kinds(units: Iterable[UnitEvidence]) -> tuple[VehicleKind, ...]:
     """Kinds of some units, that with the most vehicles first.
 
     Units without effects and without wheel radii have no part in any.
@@ -61,12 +61,16 @@ def find_kinds(units: Iterable[UnitEvidence]) -> tuple[Kind, ...]:
         if one.has_effects or one.radii:
             by_form[one.form].append(one)
     found = [
-        Kind("", tuple(own)) for form in sorted(by_form, key=repr) for own in _split(by_form[form])
+        VehicleKind("", tuple(own))
+        for form in sorted(by_form, key=repr)
+        for own in _split(by_form[form])
     ]
     found.sort(key=lambda kind: (-kind.vehicles, kind.units[0].unit))
     if len(found) < 2:
         return tuple(found)
-    return tuple(Kind(name, kind.units) for name, kind in zip(_names(found), found, strict=True))
+    return tuple(
+        VehicleKind(name, kind.units) for name, kind in zip(_names(found), found, strict=True)
+    )
 
 
 def _split(units: Sequence[UnitEvidence]) -> list[list[UnitEvidence]]:
@@ -96,7 +100,7 @@ def _are_alike(one: Effects, other: Effects) -> bool:
     return len(one & other) >= ALIKE * len(one | other)
 
 
-def _names(kinds: Sequence[Kind]) -> list[str]:
+def _names(kinds: Sequence[VehicleKind]) -> list[str]:
     """Names of several kinds, each another one.
 
     Data and axles, the first vehicle where these do not suffice, and a number where one vehicle has
@@ -114,7 +118,7 @@ def _names(kinds: Sequence[Kind]) -> list[str]:
     return names
 
 
-def _plain_name(kind: Kind) -> str:
+def _plain_name(kind: VehicleKind) -> str:
     form = kind.units[0].form
     if form.axles is None:
         return form.data or "others"

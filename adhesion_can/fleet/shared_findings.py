@@ -10,7 +10,7 @@ from adhesion_can.fleet.compare_places import compare_places
 from adhesion_can.fleet.compare_vehicles import vehicle_means
 from adhesion_can.fleet.effect_sizes import EffectSizes, gain_share, rmse_percent
 from adhesion_can.fleet.evidence import UnitEvidence
-from adhesion_can.fleet.findings import Finding, Scope
+from adhesion_can.fleet.findings import FleetFinding, Scope
 from adhesion_can.fleet.random_effects import Mean, pool
 from adhesion_can.fleet.settings import FleetSettings
 
@@ -28,9 +28,9 @@ Known = list[dict[EffectKey, float]]
 
 def find_fleet_effects(
     sizes: EffectSizes, units: Sequence[UnitEvidence], known: Known, settings: FleetSettings
-) -> list[Finding]:
+) -> list[FleetFinding]:
     """Effects that are there on most vehicles, the largest gain first; noted in `known`."""
-    found: list[Finding] = []
+    found: list[FleetFinding] = []
     vehicles = [one.vehicle for one in units]
     while len(found) < MOST_SHARED:
         left = sizes.without(known)
@@ -71,7 +71,7 @@ def find_place_effects(
     units: Sequence[UnitEvidence],
     known: Known,
     settings: FleetSettings,
-) -> list[Finding]:
+) -> list[FleetFinding]:
     """Effects that differ on a line, or on a day, whatever the vehicle; noted in `known`."""
     of: Callable[[UnitEvidence], str] = (
         (lambda one: one.line) if scope is Scope.LINE else lambda one: one.day
@@ -80,7 +80,7 @@ def find_place_effects(
     rng = np.random.default_rng(settings.seed)
     left = sizes.without(known)
     compared = compare_places(places, [one.vehicle for one in units], left.size, left.variance, rng)
-    found: list[Finding] = []
+    found: list[FleetFinding] = []
     for row, name in enumerate(compared.names):
         rows = np.array([i for i, place in enumerate(places) if place == name])
         own = [left.grams[i] for i in rows]
@@ -126,8 +126,8 @@ def _finding(
     units: int,
     showing: int,
     named_by: int,
-) -> Finding:
-    return Finding(
+) -> FleetFinding:
+    return FleetFinding(
         scope=scope,
         where=where,
         effect=key.effect,

@@ -8,7 +8,7 @@ from functools import cached_property
 from adhesion_can.diagnosis.effect_grams import EffectKey
 from adhesion_can.fleet.effect_sizes import Sizes
 from adhesion_can.fleet.evidence import UnitEvidence
-from adhesion_can.fleet.findings import Finding, Scope
+from adhesion_can.fleet.findings import FleetFinding, Scope
 from adhesion_can.fleet.pooled_size import (
     PooledSize,
     UnitSize,
@@ -45,7 +45,7 @@ class FindingSizes:
             found[unit.vehicle].append(unit)
         return found
 
-    def with_size(self, finding: Finding, beside: Sequence[Finding] = ()) -> Finding:
+    def with_size(self, finding: FleetFinding, beside: Sequence[FleetFinding] = ()) -> FleetFinding:
         """The finding with its pooled size.
 
         Args:
@@ -74,7 +74,7 @@ class FindingSizes:
         known = [one for one in sizes if one is not None]
         return replace(finding, pooled=pool_sizes(key, known, spread))
 
-    def _units_of(self, finding: Finding) -> Sequence[UnitEvidence]:
+    def _units_of(self, finding: FleetFinding) -> Sequence[UnitEvidence]:
         """Units that a finding is about."""
         where = finding.where
         match finding.scope:
@@ -123,6 +123,6 @@ def _without(key: EffectKey, sizes: Sizes) -> Sizes:
     return {other: size for other, size in sizes.items() if other != key}
 
 
-def _key(finding: Finding) -> EffectKey:
+def _key(finding: FleetFinding) -> EffectKey:
     named = finding.effect, finding.form, finding.axle, finding.parameter, finding.unit
     return EffectKey(*named, 1.0)

@@ -28,7 +28,7 @@ from adhesion_can.monitoring.setpoint_reader import QUALITY, SETPOINT, SetpointR
 from adhesion_can.monitoring.snapshot import (
     AxleView,
     DriveDirection,
-    Kind,
+    MessageRole,
     OperatingPoint,
     Snapshot,
 )
@@ -157,7 +157,7 @@ class MonitorState:
         values = one.read(frame)
         if isinstance(values, Rejection):
             return values
-        if one.kind is Kind.OUTPUT:
+        if one.kind is MessageRole.OUTPUT:
             self._outputs.add(one.message.plan.name, values, frame.t_us)
         return None
 
@@ -223,11 +223,14 @@ def _previous_step(recent: deque[Sample]) -> int | None:
 def _watched_messages(configuration: Configuration) -> dict[str, WatchedMessage]:
     """The service's messages and those of a bench's creep controller, by their names."""
     found: dict[str, WatchedMessage] = {}
-    for names, kind in ((OUTPUT_MESSAGES, Kind.OUTPUT), (DEMAND_MESSAGES, Kind.OTHER)):
+    for names, kind in (
+        (OUTPUT_MESSAGES, MessageRole.OUTPUT),
+        (DEMAND_MESSAGES, MessageRole.OTHER),
+    ):
         source = database_with(names, configuration.database)
         for name in names:
             message = CheckedMessage(source.message(name))
-            if kind is Kind.OUTPUT or not _is_taken(message, name, configuration.database):
+            if kind is MessageRole.OUTPUT or not _is_taken(message, name, configuration.database):
                 found[name] = WatchedMessage(message, kind)
     return found
 

@@ -5,7 +5,7 @@ from math import inf
 
 from adhesion_can.calibration.agreement import differs
 from adhesion_can.calibration.coasting import SOFTEST_CONTACT, CalibrationSettings
-from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
+from adhesion_can.calibration.fit import AxleRadius, CalibratedQuantity, Calibration
 from adhesion_can.reporting.text import FittingTable, table
 from adhesion_can.result_text import plus_minus
 
@@ -152,5 +152,5 @@ def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]
     ]
 
 
-def _quantity_text(found: Quantity | None, unit: str) -> str:
+def _quantity_text(found: CalibratedQuantity | None, unit: str) -> str:
     return "not identifiable" if found is None else f"{plus_minus(found.value, found.std)} {unit}"

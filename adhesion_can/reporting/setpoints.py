@@ -12,7 +12,7 @@ from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
+from adhesion_can.reporting.export import Field, FieldColumn, TableWriter, open_table
 from adhesion_can.service.output_messages import AXLE_FRAMES
 from adhesion_can.service.outputs import Outputs, Setpoint
 
@@ -95,12 +95,12 @@ class _RowBuffer:
             return
         status, *numbers, doubt, family, objection = np.array(self._values).T
         columns = [
-            Column(status.astype(np.uint8)),
-            *(Column(n, np.isnan(n)) for n in numbers),
+            FieldColumn(status.astype(np.uint8)),
+            *(FieldColumn(n, np.isnan(n)) for n in numbers),
             # A reader that knows of no missing texts finds NOT_AVAILABLE.
             _names_column(doubt, Doubt.NOT_AVAILABLE),
             _names_column(family, NO_FAMILY),
-            Column(objection.astype(np.uint8)),
+            FieldColumn(objection.astype(np.uint8)),
         ]
         self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
         self._t_us, self._values = [], []
@@ -129,9 +129,9 @@ def setpoint_row(outputs: Outputs) -> list[float]:
     return [float(outputs.status), *known, shown, family, float(outputs.objection)]
 
 
-def _names_column(numbers: Array, missing: int) -> Column:
+def _names_column(numbers: Array, missing: int) -> FieldColumn:
     """Column of numbers that stand for names, NaN where not available."""
-    return Column(np.nan_to_num(numbers, nan=missing).astype(np.uint8), np.isnan(numbers))
+    return FieldColumn(np.nan_to_num(numbers, nan=missing).astype(np.uint8), np.isnan(numbers))
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import pytest
 from adhesion_can import diagnose, simulate
 from adhesion_can.config.plan_file import read_plan, write_plan
 from adhesion_can.diagnosis import build_evidence
-from adhesion_can.diagnosis.evidence import Decision, Evidence
+from adhesion_can.diagnosis.evidence import Decision, EffectEvidence
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
@@ -80,7 +80,7 @@ def test_a_refuted_rival_is_no_rival(refuted, left):
 
 
 def evidence(decision, effect="b"):
-    return Evidence(effect, "", 0, 3.0, 0.001, 0.1, ("a", 0.5), 3.0, decision)
+    return EffectEvidence(effect, "", 0, 3.0, 0.001, 0.1, ("a", 0.5), 3.0, decision)
 
 
 def test_a_further_drive_overrules_what_is_open_and_no_name():

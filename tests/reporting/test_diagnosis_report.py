@@ -23,7 +23,7 @@ from adhesion_can.diagnosis.cause_result import (
     ParameterValue,
     SizeLevel,
 )
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
+from adhesion_can.diagnosis.evidence import ChannelEvidence, EffectEvidence, Untested
 from adhesion_can.diagnosis.formatting import measured
 from adhesion_can.diagnosis.gain_result import Gain, GainMethod
 from adhesion_can.diagnosis.plot_result import (
@@ -112,8 +112,10 @@ def named():
             (("drive one.log", 40.0, 60.0), ("drive one.log", 120.0, 140.0)),
         ),
         evidence=tuple(
-            Evidence(e.id, e.form, 2 * (e.id == "wheel_radius"), 9.0 - k / 3, min(0.001 * 3**k, 1),
-                     0.03 + 0.9 * k / len(EFFECTS), ("slow_drift", 0.71), 33.0 / (k + 1))
+            EffectEvidence(
+                e.id, e.form, 2 * (e.id == "wheel_radius"), 9.0 - k / 3, min(0.001 * 3**k, 1),
+                0.03 + 0.9 * k / len(EFFECTS), ("slow_drift", 0.71), 33.0 / (k + 1),
+            )
             for k, e in enumerate(EFFECTS)
         ),
         channels=(

@@ -15,7 +15,7 @@ from adhesion_can.diagnosis.inference.detect_effects import detect_groups
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind, build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
-    Evaluation,
+    EvaluatedModel,
     Model,
     compute_curve_jacobian,
 )
@@ -151,7 +151,7 @@ def fit_residual_channels(
 def find_wave(
     regression: WhitenedRegression,
     model: Model,
-    evaluation: Evaluation,
+    evaluation: EvaluatedModel,
     rng: np.random.Generator,
 ) -> tuple[Channel, Array, float] | None:
     """Strongest wave of the adhesion along the rail; None where the drive is too short.
@@ -194,7 +194,7 @@ def find_wave(
 
 
 def _block_amplitudes(
-    regression: WhitenedRegression, model: Model, evaluation: Evaluation, lengths: Array
+    regression: WhitenedRegression, model: Model, evaluation: EvaluatedModel, lengths: Array
 ) -> NDArray[np.complex128]:
     """Complex amplitude of each wavelength, m, in each block; shape (blocks, wavelengths)."""
     residual = regression.residual(model)

@@ -14,7 +14,7 @@ from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
 from adhesion_can.diagnosis.inference.split_hold_out import SHORT
 from adhesion_can.diagnosis.next_drive.catalogue import QUICK_S, build_catalogue
-from adhesion_can.diagnosis.next_drive.discrepancy import Comparison, FittedRival, Pair
+from adhesion_can.diagnosis.next_drive.discrepancy import ExplanationComparison, FittedRival, Pair
 from adhesion_can.diagnosis.next_drive.drive_setting import (
     DriveSetting,
     build_drive_setting,
@@ -100,7 +100,7 @@ def plan_drive(
     names = tuple(one.name for one in explanations)
     if len(explanations) < 2:
         return NextDrive(names, None, _describe_too_few(names))
-    comparison = Comparison(explanations, setting)
+    comparison = ExplanationComparison(explanations, setting)
     nearest = _nearest_curve(explanations[0], setting)
     c1, c2, c3 = curve = _with_peak(nearest)
     peak_slip = float(np.log(c1 * c2 / c3) / c2) if c3 > 0.0 else limits.slip_max
@@ -194,7 +194,7 @@ def power_of(discrepancy: float, level: float = LEVEL) -> float:
 
 
 def _compute_some(
-    comparison: Comparison, missed: Mapping[Pair, float], grams: Mapping[Pair, Array]
+    comparison: ExplanationComparison, missed: Mapping[Pair, float], grams: Mapping[Pair, Array]
 ) -> dict[Pair, float]:
     """Discrepancy of the pairs that are not left out."""
     return comparison.compute(_without(missed, grams))
@@ -295,7 +295,9 @@ def _describe_unplanned(name: str, rivals: Sequence[str]) -> str:
     )
 
 
-def _list_pairs(comparison: Comparison, most: DriveSequence | None) -> tuple[PairDiscrepancy, ...]:
+def _list_pairs(
+    comparison: ExplanationComparison, most: DriveSequence | None
+) -> tuple[PairDiscrepancy, ...]:
     if most is None:
         return ()
     names = [one.name for one in comparison.explanations]

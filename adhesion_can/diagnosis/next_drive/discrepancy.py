@@ -58,7 +58,7 @@ class Part:
     speeds: tuple[float, float]
 
 
-class Comparison:
+class ExplanationComparison:
     """Explanations that are compared on planned drives.
 
     Args:

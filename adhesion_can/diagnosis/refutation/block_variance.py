@@ -54,7 +54,7 @@ class VarianceLeft(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class BlockVariance:
+class BlockSumVariance:
     """Variance of the block sums of whitened residuals.
 
     Attributes:
@@ -77,7 +77,7 @@ class BlockVariance:
 
 def compute_block_variance(
     regression: WhitenedRegression, model: Model, row_square: float | None = None
-) -> BlockVariance:
+) -> BlockSumVariance:
     """Variance of the sums of whitened residuals over axle, sign of the slip and block.
 
     Args:
@@ -98,7 +98,7 @@ def compute_block_variance(
         row_square = float(np.mean(whitened**2)) if len(rows) else 1.0
     kept = (cells.rows >= LEAST_ROWS) & (expected > 1.0)
     ratio = sums[kept] ** 2 / np.maximum(expected[kept] * row_square, 1e-300)
-    return BlockVariance(ratio, cells.block[kept], row_square)
+    return BlockSumVariance(ratio, cells.block[kept], row_square)
 
 
 @dataclass(frozen=True, eq=False)

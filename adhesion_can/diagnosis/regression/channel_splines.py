@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.regression.model import Evaluation, RegressionData
+from adhesion_can.diagnosis.regression.model import EvaluatedModel, RegressionData
 from adhesion_can.physics.channels import channel_unit
 
 COLUMNS, DRIVE_COLUMNS = 6, 14
@@ -81,7 +81,7 @@ class Channel:
             return None
         return np.unique(self.values)
 
-    def build_basis(self, evaluation: Evaluation) -> Array:
+    def build_basis(self, evaluation: EvaluatedModel) -> Array:
         """Changes of the prediction by each spline coefficient, adhesion; shape (n, columns)."""
         levels = self.levels
         if levels is not None:
@@ -92,7 +92,7 @@ class Channel:
             columns = scipy.interpolate.BSpline.design_matrix(inside, knots, 3).toarray()
         return np.asarray(columns * self.multiplier(evaluation)[:, None])
 
-    def multiplier(self, evaluation: Evaluation) -> Array:
+    def multiplier(self, evaluation: EvaluatedModel) -> Array:
         """Multiplier of s(x) in the prediction, adhesion; shape (n,)."""
         if self.kind is ChannelKind.FACTOR:
             return evaluation.predicted
@@ -101,7 +101,7 @@ class Channel:
         return np.ones_like(evaluation.slip)
 
 
-def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel]:
+def build_channels(data: RegressionData, evaluation: EvaluatedModel) -> list[Channel]:
     """Every channel that all recordings have and that varies.
 
     Args:

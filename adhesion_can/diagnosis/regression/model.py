@@ -61,7 +61,7 @@ class RegressionData:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class EvaluatedModel:
     """A model evaluated on all rows; shape (n,) each.
 
     Adhesion is in units of the readings, force over load: where an effort reads half of what it is,
@@ -98,8 +98,8 @@ def evaluate_model(
     curves: SegmentCurves,
     active_effects: Sequence[ActiveEffect] = (),
     slip_correction: Array | None = None,
-    known: Evaluation | None = None,
-) -> Evaluation:
+    known: EvaluatedModel | None = None,
+) -> EvaluatedModel:
     """Observed and predicted adhesion in every row.
 
     Args:
@@ -127,10 +127,10 @@ def evaluate_model(
         curve = known.curve
     else:
         curve = curves.adhesion(slip, data.surface, conditions)
-    return Evaluation(adhesion, slip, factor, curve, conditions)
+    return EvaluatedModel(adhesion, slip, factor, curve, conditions)
 
 
-def _is_same_contact(known: Evaluation, slip: Array, conditions: Conditions) -> bool:
+def _is_same_contact(known: EvaluatedModel, slip: Array, conditions: Conditions) -> bool:
     """Whether a curve has been evaluated at the same slips, speeds and loads."""
     before = known.conditions
     return (
@@ -174,7 +174,7 @@ def compute_factor(drive: DriveData, active: ActiveEffect) -> Array:
 
 
 def compute_curve_jacobian(
-    data: RegressionData, curves: SegmentCurves, evaluation: Evaluation
+    data: RegressionData, curves: SegmentCurves, evaluation: EvaluatedModel
 ) -> Array:
     """Derivatives of the prediction by each surface's coordinates, 0 in other rows.
 
@@ -285,7 +285,7 @@ def compute_effect_jacobian(
     candidate: Candidate,
     values: tuple[float, ...],
     slip_correction: Array | None = None,
-    known: Evaluation | None = None,
+    known: EvaluatedModel | None = None,
 ) -> Array:
     """Derivatives of the prediction by an effect's parameters, by central differences.
 
@@ -322,7 +322,7 @@ def compute_signature(
     start: tuple[float, ...],
     slip_correction: Array | None = None,
     chord: float = CHORD_STEP,
-    known: Evaluation | None = None,
+    known: EvaluatedModel | None = None,
 ) -> Array:
     """Signature of an absent effect: change of the prediction per unit of its size.
 
@@ -362,7 +362,7 @@ def _difference_quotient(
     place: int,
     step: float,
     slip_correction: Array | None,
-    known: Evaluation | None,
+    known: EvaluatedModel | None,
 ) -> Array:
     """Change of −e per unit of one parameter, from a step to either side of it, shape (n,).
 

@@ -19,7 +19,7 @@ from adhesion_can.diagnosis.regression.estimate_slip_noise import estimate_slip_
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     compute_curve_jacobian,
@@ -192,7 +192,7 @@ def _scale_speed_errors(regression: WhitenedRegression, residual: Array) -> Whit
     return replace(regression, speed_error_design=design, speed_error_std=std)
 
 
-def _slip_std(regression: WhitenedRegression, evaluation: Evaluation, slope: Array) -> Array:
+def _slip_std(regression: WhitenedRegression, evaluation: EvaluatedModel, slope: Array) -> Array:
     """Standard deviation of the slip's white noise: stated, or that of a table; shape (n,)."""
     data = regression.data
     std = data.column("wheel_slip_std").copy()
@@ -212,7 +212,7 @@ def _slip_std(regression: WhitenedRegression, evaluation: Evaluation, slope: Arr
 
 
 def design_speed_errors(
-    data: RegressionData, evaluation: Evaluation, slope: Array, block_length_s: float
+    data: RegressionData, evaluation: EvaluatedModel, slope: Array, block_length_s: float
 ) -> Array:
     """Change of each residual by errors of the vehicle speed, of one standard deviation each.
 
@@ -243,7 +243,7 @@ def design_speed_errors(
     return np.asarray(hats * sensitivity[:, None])
 
 
-def _compute_curve_slope(data: RegressionData, model: Model, evaluation: Evaluation) -> Array:
+def _compute_curve_slope(data: RegressionData, model: Model, evaluation: EvaluatedModel) -> Array:
     """Slope dμ/dλ of the plain curve in each row, shape (n,)."""
     return model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
 

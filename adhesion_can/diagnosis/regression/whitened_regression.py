@@ -24,7 +24,7 @@ from adhesion_can.diagnosis.regression.gram_matrices import (
 )
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     compute_curve_jacobian,
@@ -128,7 +128,7 @@ class WhitenedRegression:
         """Gram matrices of whitened columns; `columns` shape (n, p)."""
         return BlockGramMatrices.from_columns(columns, self.block, self.whitened_speed_errors)
 
-    def evaluate_corrected(self, model: Model) -> Evaluation:
+    def evaluate_corrected(self, model: Model) -> EvaluatedModel:
         """A model evaluated at the estimated true slips."""
         effects = model.active_effects
         return evaluate_model(self.data, model.curves, effects, self.slip_correction)
@@ -191,7 +191,7 @@ class WhitenedRegression:
         candidate: Candidate,
         start: tuple[float, ...] | None = None,
         chord: float = CHORD_STEP,
-        known: Evaluation | None = None,
+        known: EvaluatedModel | None = None,
     ) -> Array:
         """Signature of an effect that a model does not have, as a column.
 

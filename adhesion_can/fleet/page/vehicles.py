@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from adhesion_can.fleet.findings import Finding, FleetDiagnosis, VehicleSummary
+from adhesion_can.fleet.findings import FleetDiagnosis, FleetFinding, VehicleSummary
 from adhesion_can.fleet.page.words import (
     MOST_ROWS,
     format_gain,
@@ -107,7 +107,7 @@ def _kinds(found: FleetDiagnosis) -> list[Part]:
     return [Table(caption, columns, rows, note, sentence_columns=(0,))]
 
 
-def _numbered(findings: Sequence[Finding]) -> "list[tuple[bool, Finding]]":
+def _numbered(findings: Sequence[FleetFinding]) -> "list[tuple[bool, FleetFinding]]":
     return [(place == 0, finding) for place, finding in enumerate(findings)]
 
 

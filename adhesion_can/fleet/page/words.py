@@ -1,7 +1,7 @@
 """Words of the page of a fleet: whose finding it is, its size, what is not shown."""
 
 from adhesion_can.diagnosis.formatting import axis_scale, measured
-from adhesion_can.fleet.findings import Finding
+from adhesion_can.fleet.findings import FleetFinding
 from adhesion_can.fleet.pooled_size import PooledSize
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
@@ -15,14 +15,14 @@ UNITS = {"1/%": "per %", "1/K": "per K", "1/s": "per s"}
 """Units that are written otherwise."""
 
 
-def owner(finding: Finding) -> str:
+def owner(finding: FleetFinding) -> str:
     """Whose a finding is: all vehicles, a line, else by its name."""
     kind = f" ({finding.where})" if finding.where else ""
     names = {"fleet": f"All vehicles{kind}", "line": f"Line {finding.where}"}
     return names.get(str(finding.scope), finding.where)
 
 
-def format_size(finding: Finding) -> str:
+def format_size(finding: FleetFinding) -> str:
     """Size of a finding with standard error and unit; to first order where no unit has another."""
     if finding.pooled is not None:
         return format_pooled(finding.pooled)
@@ -54,7 +54,7 @@ def _scale(effect: str, unit: str) -> tuple[float, str]:
     return 1.0, UNITS.get(unit, unit)
 
 
-def format_gain(finding: Finding) -> str:
+def format_gain(finding: FleetFinding) -> str:
     """Gain of a finding, %; '-' where there is none."""
     if finding.gain_percent is None:
         return "-"

@@ -27,7 +27,7 @@ from adhesion_can.reporting.charts import (
 from adhesion_can.reporting.drive.history import DOUBTS, STATUSES
 from adhesion_can.reporting.drive.recorder import DriveRecord
 from adhesion_can.reporting.drive.signal_panels import SignalPanels
-from adhesion_can.reporting.drive.surfaces import Cloud, Surface
+from adhesion_can.reporting.drive.surfaces import Cloud, SurfaceSpan
 from adhesion_can.reporting.page import Figure
 from adhesion_can.reporting.time_panels import Panel, line, panels_figure
 from adhesion_can.result_text import TimeScale, plus_minus
@@ -226,7 +226,7 @@ def _state_rows(record: DriveRecord, scale: _Abscissa) -> list[Trace]:
 
 def surface_figures(
     record: DriveRecord,
-    shown: Sequence[Surface],
+    shown: Sequence[SurfaceSpan],
     slip_max: float,
     truth: Sequence[Mapping[str, Any]] = (),
 ) -> list[Figure]:
@@ -249,7 +249,7 @@ def surface_figures(
 
 
 def _curve_figure(
-    surface: Surface,
+    surface: SurfaceSpan,
     number: int,
     times: TimeScale,
     slip_max: float,
@@ -304,7 +304,9 @@ def _span(values: Array, peak: float | None) -> list[float]:
     return [min(float(low), 0.0) - 0.04 * top, 1.12 * top]
 
 
-def _true_surface(surface: Surface, truth: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+def _true_surface(
+    surface: SurfaceSpan, truth: Sequence[Mapping[str, Any]]
+) -> Mapping[str, Any] | None:
     """True surface on which the end of a surface lies."""
     end_s = surface.to_us / 1e6
     return next((one for one in truth if one["from_s"] < end_s <= one["to_s"] + 0.1), None)

@@ -11,7 +11,7 @@ from adhesion_can.plurals import in_words
 from adhesion_can.reporting.drive.figures import overview_figure, state_name, surface_figures
 from adhesion_can.reporting.drive.recorder import DriveRecord
 from adhesion_can.reporting.drive.signal_panels import signal_panels, signal_table
-from adhesion_can.reporting.drive.surfaces import A_BIN, SLIP_BINS, Surface, longest
+from adhesion_can.reporting.drive.surfaces import A_BIN, SLIP_BINS, SurfaceSpan, longest
 from adhesion_can.reporting.page import Figure, Grid, Page, Part, Section, Table, Text
 from adhesion_can.result_text import TimeScale, plus_minus
 
@@ -180,7 +180,7 @@ def _surfaces(
 
 
 def _surface_row(
-    number: int, surface: Surface, begin_m: float, times: TimeScale
+    number: int, surface: SurfaceSpan, begin_m: float, times: TimeScale
 ) -> tuple[str, ...]:
     out = surface.last
     theta = out.theta or (float("nan"),) * 3

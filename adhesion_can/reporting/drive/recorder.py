@@ -12,7 +12,7 @@ from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.drive.history import History, HistoryRecorder
-from adhesion_can.reporting.drive.surfaces import Surface, SurfaceRecorder
+from adhesion_can.reporting.drive.surfaces import SurfaceRecorder, SurfaceSpan
 from adhesion_can.reporting.objections import ObjectionLog
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.drive_signals import DriveSignals
@@ -63,7 +63,7 @@ class DriveRecord:
     """
 
     history: History
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[SurfaceSpan, ...]
     changes: tuple[StateChange, ...]
     change_count: int
     statuses: Counter[Status]

@@ -8,7 +8,7 @@ from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_
 from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
-from adhesion_can.offline.recording_fit import Misfit
+from adhesion_can.offline.recording_fit import BusMisfit
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import WORDINGS, Objection
@@ -173,7 +173,7 @@ def _model(typed: Typed) -> tuple[Path | str, ...]:
     return () if typed.model is None else ("--model", typed.model)
 
 
-def _after_misfit(misfit: Misfit, typed: Typed) -> NextStep:
+def _after_misfit(misfit: BusMisfit, typed: Typed) -> NextStep:
     finding = (
         "The recording is of another bus than the configuration."
         if misfit.of_other_bus
