@@ -72,7 +72,6 @@ def build_diagnosis(
     untested: Sequence[Untested],
     *,
     remaining: RemainingExplanations | None = None,
-    other_drives: bool,
 ) -> Diagnosis:
     """Build the diagnosis.
 
@@ -82,7 +81,6 @@ def build_diagnosis(
         confirmed: Findings that hold on the held-out data.
         untested: Effects and quantities that could not be tested, with the reason.
         remaining: What a further drive left of the explanations; None: there was no such drive.
-        other_drives: Whether whole recordings were held out.
 
     """
     data = found.prepared.regression.data
@@ -125,7 +123,7 @@ def build_diagnosis(
         untested = [*untested, *(Untested(one.effect, why, rejected=True) for one in causes)]
         causes, verdict = (), Verdict.UNEXPLAINED
     gain = confirmed.gain
-    if other_drives and model is not None and model.actives:
+    if found.other_drives and model is not None and model.actives:
         gain = _measure_on_held_out(found, gain, model)
     confirmed = replace(confirmed, gain=gain)
     evidence = build_evidence(found, causes, refuted_effects)

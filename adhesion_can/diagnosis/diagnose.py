@@ -157,21 +157,20 @@ def diagnose(
     show("surface changes", 0.05)
     change_times = [find_surface_changes(drive, candidates) for drive in thin]
     # Steps 3 to 6
-    analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
-    found, shaped = analysis.explain_changes(change_times, held_out)
+    analysis = _Analysis(thin, held_out, candidates, block, block_length_s, settings, show)
+    found, shaped = analysis.explain_changes(change_times)
     plain_found, grams = found, None
     if settings.effect_grams:
         grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
     # Step 7
     show("gain", 0.85)
-    other_drives = any(held_out)
     if shaped is None:
-        found, dropped = drop_uncertain(found, other_drives=other_drives)
+        found, dropped = drop_uncertain(found)
         untested += dropped
-    confirmed = confirm_on_hold_out(shaped or found, other_drives=other_drives)
+    confirmed = confirm_on_hold_out(shaped or found)
     if shaped is not None and confirmed.shape is None:
         rejected = confirmed.rejected
-        confirmed = confirm_on_hold_out(found, other_drives=other_drives)
+        confirmed = confirm_on_hold_out(found)
         # What else was found or refuted beside that shape counts no longer.
         untested += [one for one in rejected if one.what == CURVE_SHAPE]
     elif shaped is not None:
@@ -179,12 +178,8 @@ def diagnose(
     untested += find_untestable(used)
     deciding = [drive for drive, held in zip(used, held_out, strict=True) if not held]
     remaining = _find_remaining(deciding, plain_found, settings, show)
-    found, confirmed = apply_remaining(
-        found, confirmed, plain_found, remaining, other_drives=other_drives
-    )
-    build = partial(
-        build_diagnosis, used, untested=untested, remaining=remaining, other_drives=other_drives
-    )
+    found, confirmed = apply_remaining(found, confirmed, plain_found, remaining)
+    build = partial(build_diagnosis, used, untested=untested, remaining=remaining)
     diagnosis = build(found, confirmed)
     witness = None
     if ask_witness is not None and diagnosis.causes:
@@ -192,7 +187,7 @@ def diagnose(
         witness = ask_witness(diagnosis)
     if witness is not None and witness.stays:
         found = refute_by_witness(found, plain_found, witness)
-        confirmed = confirm_on_hold_out(found, other_drives=other_drives)
+        confirmed = confirm_on_hold_out(found)
         diagnosis = build(found, confirmed)
     diagnosis = _with_remaining(diagnosis, remaining)
     diagnosis = _with_next_drive(diagnosis, found, confirmed, settings, show)
@@ -258,6 +253,7 @@ class _Analysis:
 
     Attributes:
         drives: Drive data of each recording, thinned.
+        held_out: Whether each drive is held out whole.
         candidates: Effects that can be tested.
         block: Block number of each row, −1 − number in rows that are held out; shape (n,).
         block_length_s: Length of a block, s.
@@ -267,6 +263,7 @@ class _Analysis:
     """
 
     drives: tuple[DriveData, ...]
+    held_out: Sequence[bool]
     candidates: tuple[Candidate, ...]
     block: NDArray[np.int64]
     block_length_s: float
@@ -305,20 +302,17 @@ class _Analysis:
             found = replace(found, refuted=(*found.refuted, refuted))
         return found, None
 
-    def explain_changes(
-        self, change_times: list[list[float]], held_out: Sequence[bool]
-    ) -> tuple[Findings, Findings | None]:
+    def explain_changes(self, change_times: list[list[float]]) -> tuple[Findings, Findings | None]:
         """Findings as `explain` gives them, with the surface changes or without them.
 
         Args:
             change_times: Times of the surface changes in each drive, s.
-            held_out: Whether each drive is held out whole.
 
         """
         found, shaped = self.explain(change_times)
         # Drives that are held out decide nothing: what they are without changes is not asked.
         unchanged = [
-            times if held else [] for times, held in zip(change_times, held_out, strict=True)
+            times if held else [] for times, held in zip(change_times, self.held_out, strict=True)
         ]
         if unchanged != change_times:
             # The other explanation of the same data: the surface never changed, effects or the
@@ -374,5 +368,6 @@ class _Analysis:
             block_length_s=self.block_length_s,
             alpha=self.settings.alpha,
             channel_alpha=channel_alpha,
+            other_drives=any(self.held_out),
         )
         return apply_rules(selected)

@@ -6,7 +6,7 @@ is the same figure.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -87,11 +87,7 @@ class PartEvaluation:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it."""
-        return {
-            "recording": self.recording,
-            "from_s": self.from_s,
-            "to_s": self.to_s,
-            "samples": self.samples,
+        return asdict(self) | {
             "plain": {"rmse": self.plain},
             "as_written": self.as_written.to_dict(),
             "refitted": self.refitted.to_dict(),

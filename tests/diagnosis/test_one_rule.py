@@ -73,10 +73,10 @@ def test_a_refuted_rival_is_no_rival(refuted, left):
     selection = ModelSelection(best, best, (b, c), (), None, known_rivals={"a": ("b", "c")})
     found = Findings(None, None, selection, None, None, (), [], 1.0, 0.01, 0.025)
     remaining = RemainingExplanations(("1",), ("2",), ("a", "c"), (), refuted_effects=refuted)
-    applied, _ = apply_remaining(found, None, found, remaining, other_drives=False)
+    applied, _ = apply_remaining(found, None, found, remaining)
     assert len(applied.selection.indistinguishable) == left
     assert ("b" in applied.selection.known_rivals["a"]) == (left == 2)
-    assert apply_remaining(found, None, found, None, other_drives=False)[0] is found
+    assert apply_remaining(found, None, found, None)[0] is found
 
 
 def evidence(decision, effect="b"):

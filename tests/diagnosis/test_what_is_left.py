@@ -133,7 +133,7 @@ def test_each_of_several_causes_gains_beside_the_others(gains, left, monkeypatch
     fit = SimpleNamespace
     monkeypatch.setattr(confirm_on_hold_out, "fit_model", lambda _rows, one: fit(model=one))
     monkeypatch.setattr(confirm_on_hold_out, "is_significant", lambda one: one.interval[0] > 0.0)
-    kept, rejected = confirm_on_hold_out.drop_uncertain(Named(gains), other_drives=False)
+    kept, rejected = confirm_on_hold_out.drop_uncertain(Named(gains))
     assert set(kept.named) == left
     assert {one.what for one in rejected} == set(gains) - left
     assert all(one.rejected and "in addition to the other causes" in one.why for one in rejected)

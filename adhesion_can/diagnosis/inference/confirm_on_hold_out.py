@@ -68,14 +68,13 @@ class ConfirmedFindings:
     closest: tuple[ClosestCause, ...] = ()
 
 
-def drop_uncertain(found: Findings, *, other_drives: bool) -> tuple[Findings, tuple[Untested, ...]]:
+def drop_uncertain(found: Findings) -> tuple[Findings, tuple[Untested, ...]]:
     """The findings without effects that gain nothing for certain beside the others, and which.
 
     Together with a true cause, a second one that fits a little noise gains as well.
 
     Args:
         found: Findings of steps 2 to 6.
-        other_drives: Whether whole recordings were held out.
 
     """
     best, regression = found.selection.best.fitted.model, found.prepared.regression
@@ -84,70 +83,60 @@ def drop_uncertain(found: Findings, *, other_drives: bool) -> tuple[Findings, tu
     gains = []
     for place in range(len(best.candidates)):
         without = fit_model(regression, remove_effect(best, place)[0]).model
-        gains.append(_compute_gain(found, without, best, None, other_drives=other_drives))
+        gains.append(_compute_gain(found, without, best))
     least = min(range(len(gains)), key=lambda place: gains[place].interval[0])
     if is_significant(gains[least]):
         return found, ()
-    smaller, rejected = drop_uncertain(found.without_effect(least), other_drives=other_drives)
+    smaller, rejected = drop_uncertain(found.without_effect(least))
     return smaller, (_reject(best.candidates[least].effect.id, NOT_BESIDE), *rejected)
 
 
-def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
+def confirm_on_hold_out(found: Findings) -> ConfirmedFindings:
     """Named effects, else an unexplained channel, else nothing: the first that gains.
 
     Args:
         found: Findings of steps 2 to 6.
-        other_drives: Whether whole recordings were held out.
 
     """
-    closest = tuple(_find_closest(found, other_drives=other_drives))
+    closest = tuple(_find_closest(found))
     gaining = [one.refuted for one in closest]
     others = (
         Untested(one.effect, one.reason, rejected=True)
         for one in found.refuted
         if one not in gaining
     )
-    confirmed = _confirm(found, other_drives=other_drives)
-    if any(one.gain.percent > confirmed.gain.percent for one in closest):
+    confirmed = _confirm(found)
+    is_beaten = any(one.gain.percent > confirmed.gain.percent for one in closest)
+    if is_beaten and confirmed.channel is not None:
         # What a refuted effect explains better is no matter of the channel.
-        confirmed = _without_channel(found, confirmed, other_drives=other_drives)
+        plain = found.baseline.fitted.model
+        confirmed = replace(confirmed, channel=None, gain=_compute_gain(found, plain, plain))
     return replace(confirmed, closest=closest, rejected=(*confirmed.rejected, *others))
 
 
-def _without_channel(
-    found: Findings, confirmed: ConfirmedFindings, *, other_drives: bool
-) -> ConfirmedFindings:
-    """The findings without an unexplained channel."""
-    if confirmed.channel is None:
-        return confirmed
-    plain = found.baseline.fitted.model
-    gain = _compute_gain(found, plain, plain, None, other_drives=other_drives)
-    return replace(confirmed, channel=None, gain=gain)
-
-
-def _find_closest(found: Findings, *, other_drives: bool) -> Iterator[ClosestCause]:
+def _find_closest(found: Findings) -> Iterator[ClosestCause]:
     """Refuted causes that gain on the held-out data."""
     regression = found.prepared.regression
     for refuted in found.refuted:
         # Their models were fitted to all rows; on those that decide they are fitted anew.
         models = (refuted.without, refuted.fitted.model)
         without, model = (fit_model(regression, one).model for one in models)
-        gain = _compute_gain(found, without, model, None, other_drives=other_drives)
+        gain = _compute_gain(found, without, model)
         if is_significant(gain):
             yield ClosestCause(refuted, gain)
 
 
-def _confirm(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
+def _confirm(found: Findings) -> ConfirmedFindings:
     plain, best = found.baseline.fitted.model, found.selection.best.fitted.model
     rejected: list[Untested] = []
     if found.shape is not None and found.named:
         same = found.shape.same.fitted.model
         # Effects beside it must not carry a shape that gains nothing.
-        own = _compute_gain(found, same, best, None, other_drives=other_drives)
+        own = _compute_gain(found, same, best)
         if not (is_significant(own) or own.percent >= CLEAR_GAIN):
             return ConfirmedFindings((), None, own, (_reject(CURVE_SHAPE),))
     if found.named or found.shape is not None:
-        gain = _compute_gain(found, plain, best, None, other_drives=other_drives)
+        gain = _compute_gain(found, plain, best)
         is_clear = found.shape is not None and gain.percent >= CLEAR_GAIN
         is_worth = gain.percent >= 100.0 * LEAST_GAIN
         if is_clear or (is_significant(gain) and is_worth):
@@ -159,11 +148,11 @@ def _confirm(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
         rejected += [_reject(candidate.effect.id, why) for candidate in found.named]
     channel = found.unexplained_channel
     if channel is not None:
-        gain = _compute_gain(found, plain, plain, channel, other_drives=other_drives)
+        gain = _compute_gain(found, plain, plain, channel)
         if is_significant(gain):
             return ConfirmedFindings((), channel, gain, tuple(rejected))
         rejected.append(_reject(f"a dependence on {name_with_wave(channel.channel)}"))
-    gain = _compute_gain(found, plain, plain, None, other_drives=other_drives)
+    gain = _compute_gain(found, plain, plain)
     return ConfirmedFindings((), None, gain, tuple(rejected))
 
 
@@ -171,16 +160,14 @@ def _compute_gain(
     found: Findings,
     smaller: Model,
     extended: Model,
-    channel: ResidualChannel | None,
-    *,
-    other_drives: bool,
+    channel: ResidualChannel | None = None,
 ) -> Gain:
     return compute_hold_out_gain(
         found.prepared.regression,
         smaller,
         extended,
         channel,
-        other_drives=other_drives,
+        other_drives=found.other_drives,
         noise_floor=found.noise_floor,
         block_length_s=found.block_length_s,
     )

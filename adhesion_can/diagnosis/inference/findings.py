@@ -58,6 +58,7 @@ class Findings:
         block_length_s: Length of a block, s.
         alpha: Significance level of effects that are named.
         channel_alpha: Significance level of channels.
+        other_drives: Whether whole recordings were held out.
         families: Fits of all curve families, Burckhardt's first; () where they were not compared.
         shape: Base curve of another family; None: it is Burckhardt's.
         refuted: Causes that helped and were refuted, the first one removed first.
@@ -76,6 +77,7 @@ class Findings:
     block_length_s: float
     alpha: float
     channel_alpha: float
+    other_drives: bool = False
     families: tuple[ScoredFamily, ...] = ()
     shape: ShapeFinding | None = None
     refuted: tuple[RefutedCause, ...] = ()

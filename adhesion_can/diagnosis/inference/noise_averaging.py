@@ -9,7 +9,7 @@ that time is not known, and neither is how fast the vehicle speed changed betwee
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,10 +23,8 @@ from adhesion_can.physics.effects import (
     Contact,
     ContactEffect,
     LagStates,
-    Parameter,
     acts_in_contact,
 )
-from adhesion_can.physics.effects.base import Observability, Requirements
 
 LEAST_DELAY = 0.5
 """Least delay of a signal that is named, in cycles of the slowest one."""
@@ -34,53 +32,21 @@ BACKWARD = 0.3
 """Share of a lag's gain from which the same lag backwards in time makes it an average of noise."""
 
 
-@dataclass(frozen=True, slots=True)
 class Reversed:
     """An effect in the contact with time running backwards.
 
-    Attributes:
+    Args:
         effect: Effect as it is.
         symmetric: Whether it is the mean of both directions: it smooths and is not late.
 
     """
 
-    effect: ContactEffect
-    symmetric: bool = False
-
-    @property
-    def id(self) -> str:
-        """Id of the effect: it has its place in the order of effects."""
-        return self.effect.id
-
-    @property
-    def form(self) -> str:
-        """Form of the effect."""
-        return self.effect.form
-
-    @property
-    def title(self) -> str:
-        """Title of the effect."""
-        return self.effect.title
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters of the effect."""
-        return self.effect.parameters
-
-    @property
-    def literature(self) -> str:
-        """Reference of the effect."""
-        return self.effect.literature
-
-    @property
-    def requires(self) -> Requirements:
-        """Requirements of the effect."""
-        return self.effect.requires
-
-    @property
-    def observability(self) -> Observability:
-        """How the effect shows."""
-        return self.effect.observability
+    def __init__(self, effect: ContactEffect, *, symmetric: bool = False) -> None:
+        self.effect, self.symmetric = effect, symmetric
+        # By its id it has its place in the order of effects.
+        self.id, self.form, self.title = effect.id, effect.form, effect.title
+        self.parameters, self.literature = effect.parameters, effect.literature
+        self.requires, self.observability = effect.requires, effect.observability
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """Change of the contacts, rows of one axle in the order of time."""
@@ -97,9 +63,10 @@ class Reversed:
             adhesion=contact.adhesion[::-1],
             covariates={name: x[::-1] for name, x in contact.covariates.items()},
         )
-        found = self.effect.change(back, values, LagStates())
-        factor = found.factor
-        slip, factor = found.slip[::-1], factor[::-1] if isinstance(factor, np.ndarray) else factor
+        change = self.effect.change(back, values, LagStates())
+        slip, factor = change.slip[::-1], change.factor
+        if isinstance(factor, np.ndarray):
+            factor = factor[::-1]
         if self.symmetric:
             slip = 0.5 * (slip + self.effect.change(contact, values, LagStates()).slip)
         return Change(slip, factor)

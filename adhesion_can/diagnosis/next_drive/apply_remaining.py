@@ -22,8 +22,6 @@ def apply_remaining(
     confirmed: ConfirmedFindings,
     plain_found: Findings,
     remaining: RemainingExplanations | None,
-    *,
-    other_drives: bool,
 ) -> tuple[Findings, ConfirmedFindings]:
     """Findings without what a further drive refuted.
 
@@ -34,7 +32,6 @@ def apply_remaining(
         confirmed: What of them holds on the held-out data.
         plain_found: Findings on all drives with Burckhardt's curve.
         remaining: What the further drive left of the explanations; None: there was none.
-        other_drives: Whether whole recordings were held out.
 
     """
     if remaining is None:
@@ -44,7 +41,7 @@ def apply_remaining(
     if winner is None or set(winner.selection.best.candidates) == set(confirmed.named):
         return found, confirmed
     winner = drop_refuted(winner)
-    of_winner = confirm_on_hold_out(winner, other_drives=other_drives)
+    of_winner = confirm_on_hold_out(winner)
     return (winner, of_winner) if of_winner.named else (found, confirmed)
 
 
