@@ -122,7 +122,7 @@ class Named:
     ],
 )
 def test_each_of_several_causes_gains_beside_the_others(gains, left, monkeypatch):
-    def gain_of(_found, without, _best, _channel, **_how):
+    def gain_of(_found, without, _best):
         return SimpleNamespace(interval=without, percent=sum(without) / 2)
 
     def remove(model, place):
