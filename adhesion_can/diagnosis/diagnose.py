@@ -158,39 +158,39 @@ def diagnose(
     change_times = [find_surface_changes(drive, candidates) for drive in thin]
     # Steps 3 to 6
     analysis = _Analysis(thin, held_out, candidates, block, block_length_s, settings, show)
-    found, shaped = analysis.explain_changes(change_times)
-    plain_found, grams = found, None
+    findings, shaped = analysis.explain_changes(change_times)
+    plain_found, grams = findings, None
     if settings.effect_grams:
-        grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
+        grams = compute_effect_grams(findings.prepared, findings.selection.plain.rmse)
     # Step 7
     show("gain", 0.85)
     if shaped is None:
-        found, dropped = drop_uncertain(found)
+        findings, dropped = drop_uncertain(findings)
         untested += dropped
-    confirmed = confirm_on_hold_out(shaped or found)
+    confirmed = confirm_on_hold_out(shaped or findings)
     if shaped is not None and confirmed.shape is None:
         rejected = confirmed.rejected
-        confirmed = confirm_on_hold_out(found)
+        confirmed = confirm_on_hold_out(findings)
         # What else was found or refuted beside that shape counts no longer.
-        untested += [one for one in rejected if one.what == CURVE_SHAPE]
+        untested += [finding for finding in rejected if finding.what == CURVE_SHAPE]
     elif shaped is not None:
-        found = shaped
+        findings = shaped
     untested += find_untestable(used)
     deciding = [drive for drive, held in zip(used, held_out, strict=True) if not held]
     remaining = _find_remaining(deciding, plain_found, settings, show)
-    found, confirmed = apply_remaining(found, confirmed, plain_found, remaining)
+    findings, confirmed = apply_remaining(findings, confirmed, plain_found, remaining)
     build = partial(build_diagnosis, used, untested=untested, remaining=remaining)
-    diagnosis = build(found, confirmed)
+    diagnosis = build(findings, confirmed)
     witness = None
     if ask_witness is not None and diagnosis.causes:
         show("second witness", 0.92)
         witness = ask_witness(diagnosis)
     if witness is not None and witness.stays:
-        found = refute_by_witness(found, plain_found, witness)
-        confirmed = confirm_on_hold_out(found)
-        diagnosis = build(found, confirmed)
+        findings = refute_by_witness(findings, plain_found, witness)
+        confirmed = confirm_on_hold_out(findings)
+        diagnosis = build(findings, confirmed)
     diagnosis = _with_remaining(diagnosis, remaining)
-    diagnosis = _with_next_drive(diagnosis, found, confirmed, settings, show)
+    diagnosis = _with_next_drive(diagnosis, findings, confirmed, settings, show)
     show("done", 1.0)
     return replace(diagnosis, effect_grams=grams, witness=witness)
 
@@ -209,7 +209,7 @@ def _with_remaining(diagnosis: Diagnosis, remaining: RemainingExplanations | Non
 
 def _with_next_drive(
     diagnosis: Diagnosis,
-    found: Findings,
+    findings: Findings,
     confirmed: ConfirmedFindings,
     settings: DiagnosisSettings,
     show: ShowProgress,
@@ -218,21 +218,21 @@ def _with_next_drive(
     if not settings.explanations and settings.limits is None:
         return diagnosis
     show("next drive", 0.95)
-    refuted = (one.refuted.fitted.model for one in confirmed.closest)
+    refuted = (cause.refuted.fitted.model for cause in confirmed.closest)
     by_effect = {cause.effect: cause.rivals for cause in diagnosis.causes}
-    rivals = {one: by_effect.get(one.effect.id, ()) for one in confirmed.named}
+    rivals = {candidate: by_effect.get(candidate.effect.id, ()) for candidate in confirmed.named}
     explanations = build_explanations(
-        found, is_confirmed=bool(diagnosis.causes), rivals=rivals, others=refuted
+        findings, is_confirmed=bool(diagnosis.causes), rivals=rivals, others=refuted
     )
     next_drive = None
     if settings.limits is not None:
         named = dict.fromkeys(rival for ids in rivals.values() for rival in ids)
-        next_drive = compute_next_drive(found, explanations, settings.limits, tuple(named))
+        next_drive = compute_next_drive(findings, explanations, settings.limits, tuple(named))
     return replace(diagnosis, explanations=explanations, next_drive=next_drive)
 
 
 def _find_remaining(
-    drives: Sequence[DriveData], found: Findings, settings: DiagnosisSettings, show: ShowProgress
+    drives: Sequence[DriveData], findings: Findings, settings: DiagnosisSettings, show: ShowProgress
 ) -> RemainingExplanations | None:
     """What short drives leave of the explanations of the long ones; None where none is short."""
     long, short = split_by_length(drives)
@@ -244,7 +244,7 @@ def _find_remaining(
     if len(explanations) < 2:
         return None
     names = ([drive.name for drive in part] for part in (long, short))
-    return find_remaining(explanations, found.prepared, *names)
+    return find_remaining(explanations, findings.prepared, *names)
 
 
 @dataclass(frozen=True)
@@ -277,30 +277,30 @@ class _Analysis:
             change_times: Times of the surface changes in each drive, s.
 
         """
-        found = self.run(change_times)
+        findings = self.run(change_times)
         self.show("curve families", 0.75)
-        return self._run_with_shape(replace(found, families=score_families(found)))
+        return self._run_with_shape(replace(findings, families=score_families(findings)))
 
-    def _run_with_shape(self, found: Findings) -> tuple[Findings, Findings | None]:
+    def _run_with_shape(self, findings: Findings) -> tuple[Findings, Findings | None]:
         """Findings with a curve of another family; None where Burckhardt's is as good.
 
         The findings with Burckhardt's curve come first, with the shapes that were refuted.
         """
-        if found.selection.plain.rmse < NOISELESS:
-            return found, None
-        for curves, most in choose_families(found, found.families):
-            shaped = drop_doubtful_effects(self.run(found.change_times, curves, most))
-            shape = judge_shape(found, shaped)
+        if findings.selection.plain.rmse < NOISELESS:
+            return findings, None
+        for curves, most in choose_families(findings, findings.families):
+            shaped = drop_doubtful_effects(self.run(findings.change_times, curves, most))
+            shape = judge_shape(findings, shaped)
             if shape is None:
                 continue
-            shaped = replace(shaped, families=found.families, shape=shape)
+            shaped = replace(shaped, families=findings.families, shape=shape)
             if not shaped.explains:
                 continue
             refuted = refute_shape(shaped)
             if refuted is None:
-                return found, shaped
-            found = replace(found, refuted=(*found.refuted, refuted))
-        return found, None
+                return findings, shaped
+            findings = replace(findings, refuted=(*findings.refuted, refuted))
+        return findings, None
 
     def explain_changes(self, change_times: list[list[float]]) -> tuple[Findings, Findings | None]:
         """Findings as `explain` gives them, with the surface changes or without them.
@@ -309,7 +309,7 @@ class _Analysis:
             change_times: Times of the surface changes in each drive, s.
 
         """
-        found, shaped = self.explain(change_times)
+        findings, shaped = self.explain(change_times)
         # Drives that are held out decide nothing: what they are without changes is not asked.
         unchanged = [
             times if held else [] for times, held in zip(change_times, self.held_out, strict=True)
@@ -318,9 +318,9 @@ class _Analysis:
             # The other explanation of the same data: the surface never changed, effects or the
             # shape of the curve did it all.
             other, other_shaped = self.explain(unchanged)
-            if explains_without_changes(shaped or found, other_shaped or other):
+            if explains_without_changes(shaped or findings, other_shaped or other):
                 return other, other_shaped
-        return found, shaped
+        return findings, shaped
 
     def run(
         self,

@@ -115,21 +115,21 @@ class Evaluation:
         """As JSON has it."""
         return {
             "total": self.total.to_dict(),
-            "recordings": [one.to_dict() for one in self.recordings],
-            "surfaces": [one.to_dict() for one in self.surfaces],
+            "recordings": [part.to_dict() for part in self.recordings],
+            "surfaces": [part.to_dict() for part in self.surfaces],
             "left_out": self.left_out,
         }
 
     def _repr_html_(self) -> str:
         rows = [
             (
-                one.recording or "all",
-                str(one.samples),
-                f"{one.plain:.4g}",
-                f"{one.as_written.rmse:.4g}",
-                f"{one.refitted.rmse:.4g}",
+                part.recording or "all",
+                str(part.samples),
+                f"{part.plain:.4g}",
+                f"{part.as_written.rmse:.4g}",
+                f"{part.refitted.rmse:.4g}",
             )
-            for one in (*self.recordings, self.total)
+            for part in (*self.recordings, self.total)
         ]
         columns = ("recording", "samples", "plain", "as written", "refitted")
         return html_table("RMSE of the adhesion", columns, rows)
@@ -152,7 +152,7 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
         require_effects_apply(model, drive)
     thin, left_out = _with_values(thin_drives(used), model)
     candidates, _ = build_candidates(used)
-    data = build_regression_data(thin, [find_surface_changes(one, candidates) for one in thin])
+    data = build_regression_data(thin, [find_surface_changes(drive, candidates) for drive in thin])
     residuals = compute_residuals(data, model)
     clock = np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in thin])
     number = np.repeat(np.arange(len(thin)), [len(drive) for drive in thin])
@@ -161,8 +161,8 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
         rows = residuals.used & (number == place)
         recordings.append(_part(residuals, rows, clock, drive.name))
         surfaces += [
-            _part(residuals, rows & (data.surface == one), clock, drive.name)
-            for one in np.unique(data.surface[rows])
+            _part(residuals, rows & (data.surface == number_of_surface), clock, drive.name)
+            for number_of_surface in np.unique(data.surface[rows])
         ]
     if len(thin) >= LEAST_RECORDINGS:
         residuals = replace(residuals, unit=number)
@@ -177,8 +177,8 @@ def _with_values(
     data = build_regression_data(tuple(drives), [[] for _ in drives])
     with np.errstate(all="ignore"):
         curves = _model_curves(model, data.surfaces)
-        found = evaluate_model(data, curves, model_effects(model))
-        finite = np.isfinite(found.slip) & np.isfinite(found.residual)
+        evaluated = evaluate_model(data, curves, model_effects(model))
+        finite = np.isfinite(evaluated.slip) & np.isfinite(evaluated.residual)
     if finite.all():
         return tuple(drives), 0
     if not finite.any():
@@ -289,7 +289,7 @@ def compare(residuals: ModelResiduals, of_model: Array, rows: NDArray[np.bool_])
 
     """
     before, after = residuals.plain[rows], of_model[rows]
-    rmse_before, rmse = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
+    rmse_before, rmse = (float(np.sqrt(np.mean(residual**2))) for residual in (before, after))
     interval = gain_interval(before, after, residuals.unit[rows])
     percent = 100.0 * (1.0 - rmse / max(rmse_before, 1e-300))
     return Comparison(rmse, percent, interval, rmse_before)

@@ -54,10 +54,10 @@ def _build_derived_channel(data: RegressionData, name: str) -> Channel | None:
     """A channel that is plotted and never tested; None where there is none of that name."""
     observed = [drive.observe() for drive in data.drives]
     if name == "creep_speed":
-        values = np.abs(np.concatenate([one.creep_speed for one in observed]))
+        values = np.abs(np.concatenate([readings.creep_speed for readings in observed]))
         return Channel(name, ChannelKind.FACTOR, values)
     if name == "signed_slip":
-        values = np.concatenate([one.slip for one in observed])
+        values = np.concatenate([readings.slip for readings in observed])
         return Channel(name, ChannelKind.OFFSET, values)
     return None
 
@@ -161,12 +161,14 @@ def build_simulation_plots(
     change = np.abs(before.residual - after.residual)
     axles = np.unique(drive.axle)
     axle = int(max(axles, key=lambda i: float(np.mean(change[drive.axle == i] ** 2))))
-    own = np.flatnonzero(drive.axle == axle)
-    window = np.floor(drive.t_s[own] / (WINDOW_S / 2)).astype(np.int64)
+    rows_of_axle = np.flatnonzero(drive.axle == axle)
+    window = np.floor(drive.t_s[rows_of_axle] / (WINDOW_S / 2)).astype(np.int64)
     windows = np.unique(window)
-    power = [float(np.sum(change[own][window == w] ** 2)) for w in windows]
+    power = [float(np.sum(change[rows_of_axle][window == w] ** 2)) for w in windows]
     start_s = float(windows[int(np.argmax(power))]) * WINDOW_S / 2
-    rows = own[(drive.t_s[own] >= start_s) & (drive.t_s[own] < start_s + WINDOW_S)]
+    rows = rows_of_axle[
+        (drive.t_s[rows_of_axle] >= start_s) & (drive.t_s[rows_of_axle] < start_s + WINDOW_S)
+    ]
     if len(rows) < LEAST_ROWS:
         return ()
     return (

@@ -223,7 +223,9 @@ class Diagnosis:
         if self.verdict is not Verdict.NOTHING:
             return True
         leaves_more = self.noise is not None and self.noise.leaves_more
-        return not (gain.leaves_much or leaves_more or any(one.is_sure for one in self.evidence))
+        return not (
+            gain.leaves_much or leaves_more or any(tested.is_sure for tested in self.evidence)
+        )
 
     @property
     def held_out_files(self) -> set[str]:
@@ -243,12 +245,12 @@ class Diagnosis:
             "channel": self.channel,
             "wrong": list(self.wrong),
             "gain": None if self.gain is None else self.gain.to_dict(),
-            "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in self.evidence],
-            "models": [one._asdict() for one in self.models],
+            "evidence": [tested.to_dict() for tested in self.evidence],
+            "models": [model._asdict() for model in self.models],
             "needed": self.needed,
             "next": self.next_step,
-            "closest": [one.to_dict() for one in self.closest],
-            "environments": [one.to_dict() for one in self.environments],
+            "closest": [cause.to_dict() for cause in self.closest],
+            "environments": [environment.to_dict() for environment in self.environments],
             "noise": None if self.noise is None else self.noise.to_dict(),
             "witness": None if self.witness is None else self.witness.to_dict(),
             "untested": [untested._asdict() for untested in self.untested],

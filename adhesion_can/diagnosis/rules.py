@@ -38,14 +38,14 @@ class Rule(NamedTuple):
     reason: str
 
 
-def drop_noise_averages(found: Findings) -> Findings:
+def drop_noise_averages(findings: Findings) -> Findings:
     """The findings without lags that average noise, and delays too short to be known."""
-    best, regression = found.selection.best, found.prepared.regression
+    best, regression = findings.selection.best, findings.prepared.regression
     lags = tuple(c for c in best.candidates if c.is_lag)
     if not lags:
-        return found
+        return findings
     groups = [lags, *((lag,) for lag in lags)] if len(lags) > 1 else [lags]
-    delays = [c for c in found.prepared.candidates if c.is_lag and not acts_in_contact(c.effect)]
+    delays = [c for c in findings.prepared.candidates if c.is_lag and not acts_in_contact(c.effect)]
     tests = (
         partial(without_short_delay, regression, best, lags),
         partial(with_longer_delay, regression, best),
@@ -55,29 +55,29 @@ def drop_noise_averages(found: Findings) -> Findings:
     for test in tests:
         other = test()
         if other is not None:
-            return drop_noise_averages(found.with_best(other))
-    return found
+            return drop_noise_averages(findings.with_best(other))
+    return findings
 
 
-def drop_bent_channel(found: Findings) -> Findings:
+def drop_bent_channel(findings: Findings) -> Findings:
     """The findings without a user's channel on which the residual still depends much."""
-    best = found.selection.best
-    left = next(iter(found.significant_channels_of_best), None)
+    best = findings.selection.best
+    left = next(iter(findings.significant_channels_of_best), None)
     if left is None or left.gain < SECOND_LEAST_GAIN:
-        return found
+        return findings
     rest = tuple(c for c in best.candidates if c.effect.id != PREFIX + left.channel.name)
-    without = found.fitted_with(rest)
+    without = findings.fitted_with(rest)
     if len(rest) == len(best.candidates) or without is None:
-        return found
+        return findings
     is_bent = left.explained_square(best.rmse) > MOST_BENT * (without.rmse**2 - best.rmse**2)
-    return found.with_best(without) if is_bent else found
+    return findings.with_best(without) if is_bent else findings
 
 
-def drop_insignificant_sizes(found: Findings) -> Findings:
+def drop_insignificant_sizes(findings: Findings) -> Findings:
     """The findings without effects whose 95 % interval holds 0, on the rows of the last fit too."""
-    best, regression = found.selection.best, found.prepared.regression
+    best, regression = findings.selection.best, findings.prepared.regression
     if not best.candidates:
-        return found
+        return findings
     fits = best.fitted, fit_model(regression.last_fit, best.fitted.model)
     size, place = min(
         (fitted.size_in_deviations(place), place)
@@ -85,8 +85,8 @@ def drop_insignificant_sizes(found: Findings) -> Findings:
         for place in range(len(best.candidates))
     )
     if size > NORMAL_95:
-        return found
-    return drop_insignificant_sizes(found.without_effect(place))
+        return findings
+    return drop_insignificant_sizes(findings.without_effect(place))
 
 
 RULES = (
@@ -129,13 +129,13 @@ RULES = (
 """In the order in which they apply."""
 
 
-def apply_rules(found: Findings) -> Findings:
+def apply_rules(findings: Findings) -> Findings:
     """The findings as all rules leave them.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
 
     """
     for rule in RULES:
-        found = rule.apply(found)
-    return found
+        findings = rule.apply(findings)
+    return findings

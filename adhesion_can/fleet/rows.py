@@ -184,7 +184,7 @@ def cause_rows(found: Diagnosis) -> list[Row]:
     }
     for evidence in found.evidence:
         row = rows.setdefault(evidence.effect, {"effect": evidence.effect, "named": False})
-        alike, cosine = evidence.most_alike
+        alike, cosine = evidence.most_similar
         tested = {
             "form": evidence.form,
             "axle": evidence.axle,

@@ -95,8 +95,8 @@ def evidence_rows(evidence: Sequence[EffectEvidence]) -> list[tuple[str, ...]]:
             fixed(e.statistic, 2),
             p_text(e.p_value),
             fixed(100 * e.absorbed, 0, " %"),
-            e.most_alike[0] or "-",
-            fixed(e.most_alike[1], 2) if e.most_alike[0] else "-",
+            e.most_similar[0] or "-",
+            fixed(e.most_similar[1], 2) if e.most_similar[0] else "-",
             fixed(e.gain_percent, 1, " %"),
             _decision(e),
         )

@@ -40,7 +40,7 @@ LEAST_RANGE = 0.004
 """Range of |λ| (5 to 95 % of the rows) below which there is no curve in the data."""
 LEAST_ADHESION = 0.01
 """Range of |μ| (5 to 95 % of the rows) below which there is no curve in the data."""
-IMITATED = 0.995
+UNTESTABLE_SHARE = 0.995
 """Share of a signature that the curve's parameters imitate, from which it is not testable."""
 COARSE = 2.0
 """Distance of the rows, in typical delays or lengths, beyond which these do not show."""
@@ -57,7 +57,7 @@ alone; and the share of the variance of time within them from which the rows of 
 
 def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...], list[Untested]]:
     """Effects that the recordings can be tested for, and the others with the reason."""
-    found: list[Candidate] = []
+    candidates_found: list[Candidate] = []
     untested: dict[tuple[str, str], str] = {}
     wheelset = _mean_wheelset(drives)
     axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
@@ -69,18 +69,21 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
             plausible = (-inf, inf) if own != [0] else _plausible(effect, wheelset)
             plain = Candidate(effect, is_lag=_is_lag(effect), plausible=plausible)
             candidates, why = with_starts(plain, own, drives)
-        found += candidates
+        candidates_found += candidates
         if why:
             untested[effect.id, effect.form] = why
     channels, without = build_channel_candidates(drives)
-    return (*found, *channels), [*_describe_untested(untested, found), *without]
+    return (*candidates_found, *channels), [
+        *_describe_untested(untested, candidates_found),
+        *without,
+    ]
 
 
 def _describe_untested(
-    untested: Mapping[tuple[str, str], str], found: Sequence[Candidate]
+    untested: Mapping[tuple[str, str], str], candidates: Sequence[Candidate]
 ) -> list[Untested]:
     """Effects that are not tested: by id, and by form where another form is tested."""
-    tested = {candidate.effect.id for candidate in found}
+    tested = {candidate.effect.id for candidate in candidates}
     reasons = {
         effect_name(effect, form if effect in tested else ""): why
         for (effect, form), why in untested.items()
@@ -358,7 +361,7 @@ def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.in
         )
     observed = [drive.observe() for drive in drives]
     for name, least in (("slip", LEAST_RANGE), ("adhesion", LEAST_ADHESION)):
-        size = np.abs(np.concatenate([getattr(one, name) for one in observed]))
+        size = np.abs(np.concatenate([getattr(readings, name) for readings in observed]))
         low, high = map(float, np.quantile(size, [0.05, 0.95]))
         if high - low < least:
             return (

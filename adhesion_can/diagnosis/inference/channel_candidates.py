@@ -32,7 +32,7 @@ def build_channel_candidates(
     found: list[Candidate] = []
     untested: list[Untested] = []
     of_library = {name for effect in known_effects() for name in effect.requires.covariates}
-    brought = {one.name: one for drive in drives for one in drive.user_channels}
+    brought = {channel.name: channel for drive in drives for channel in drive.user_channels}
     for name in sorted(set(brought) - of_library):
         lacking = next((d.name for d in drives if name not in d.covariates), None)
         if lacking is not None:
@@ -54,7 +54,7 @@ def _why_no_cause(values: Array, drives: Sequence[DriveData]) -> str:
         return "it does not change in these data"
     observed = [drive.observe() for drive in drives]
     slip, adhesion, load = (
-        np.concatenate([getattr(one, name) for one in observed])
+        np.concatenate([getattr(readings, name) for readings in observed])
         for name in ("slip", "adhesion", "load")
     )
     measured = {

@@ -71,15 +71,15 @@ class FamilyChoice(NamedTuple):
     most_effects: int
 
 
-def score_families(found: Findings) -> tuple[ScoredFamily, ...]:
+def score_families(findings: Findings) -> tuple[ScoredFamily, ...]:
     """Burckhardt's curves and those of the other families, on one regression; Burckhardt first.
 
     Args:
-        found: Findings with Burckhardt's curve.
+        findings: Findings with Burckhardt's curve.
 
     """
-    regression = found.prepared.regression
-    plain, best = found.selection.plain, found.selection.best
+    regression = findings.prepared.regression
+    plain, best = findings.selection.plain, findings.selection.best
     fits = [ScoredFamily(plain.fitted.model.curves.family, plain, best)]
     for family in OTHERS:
         curves = fit_family_curves(regression.data, family)
@@ -92,7 +92,7 @@ def score_families(found: Findings) -> tuple[ScoredFamily, ...]:
     return tuple(fits)
 
 
-def choose_families(found: Findings, fits: Sequence[ScoredFamily]) -> list[FamilyChoice]:
+def choose_families(findings: Findings, fits: Sequence[ScoredFamily]) -> list[FamilyChoice]:
     """Families that may replace Burckhardt's, the preferred one first; often none.
 
     A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %,
@@ -100,28 +100,28 @@ def choose_families(found: Findings, fits: Sequence[ScoredFamily]) -> list[Famil
     effects that are named on Burckhardt's curve can replace some of them at most.
 
     Args:
-        found: Findings with Burckhardt's curve.
+        findings: Findings with Burckhardt's curve.
         fits: Fits of all families, Burckhardt's first.
 
     """
-    plain, best = found.selection.plain, found.selection.best
-    ranked = sorted(fits[1:], key=lambda one: one.square)
+    plain, best = findings.selection.plain, findings.selection.best
+    ranked = sorted(fits[1:], key=lambda fit: fit.square)
     limit = (1.0 + LARGEST_LOSS) ** 2 * ranked[0].square
-    formulas = [one for one in ranked if one.square <= limit and one.family is not FREE]
+    formulas = [family for family in ranked if family.square <= limit and family.family is not FREE]
     formulas.sort(key=lambda one: one.scored.fitted.cross_validated_square)
-    chosen = [*formulas[:1], *(one for one in ranked[:1] if one not in formulas[:1])]
+    chosen = [*formulas[:1], *(family for family in ranked[:1] if family not in formulas[:1])]
 
-    def most_effects(one: ScoredFamily) -> int | None:
+    def most_effects(scored: ScoredFamily) -> int | None:
         """Largest number of effects beside the family; None where it cannot be preferred."""
         if not best.candidates:
-            return MOST_EFFECTS if is_improvement(plain, one.scored, len(OTHERS)) else None
-        if is_improvement(best, one.extended, len(OTHERS)):
+            return MOST_EFFECTS if is_improvement(plain, scored.scored, len(OTHERS)) else None
+        if is_improvement(best, scored.extended, len(OTHERS)):
             return MOST_EFFECTS
         fewer = len(best.candidates) - 1
-        replaces = fewer > 0 or one.scored.rmse <= (1.0 + NEARLY_AS_GOOD) * best.rmse
-        return fewer if replaces and _is_worth(plain, one.scored) else None
+        replaces = fewer > 0 or scored.scored.rmse <= (1.0 + NEARLY_AS_GOOD) * best.rmse
+        return fewer if replaces and _is_worth(plain, scored.scored) else None
 
-    choices = ((one.scored.fitted.model.curves, most_effects(one)) for one in chosen)
+    choices = ((family.scored.fitted.model.curves, most_effects(family)) for family in chosen)
     return [FamilyChoice(curves, most) for curves, most in choices if most is not None]
 
 
@@ -142,23 +142,23 @@ def drop_doubtful_effects(shaped: Findings) -> Findings:
     return shaped.with_best(plain)
 
 
-def judge_shape(found: Findings, shaped: Findings) -> ShapeFinding | None:
+def judge_shape(findings: Findings, shaped: Findings) -> ShapeFinding | None:
     """The shape as a finding where it is the better explanation; None where it is not.
 
     Args:
-        found: Findings with Burckhardt's curve.
+        findings: Findings with Burckhardt's curve.
         shaped: Findings with the curve of another family.
 
     """
     regression, best = shaped.prepared.regression, shaped.selection.best
-    plain = _fit(regression, found.selection.plain.fitted.model)
+    plain = _fit(regression, findings.selection.plain.fitted.model)
     burckhardt = plain
-    if found.selection.best.candidates:
-        burckhardt = _fit(regression, found.selection.best.fitted.model)
+    if findings.selection.best.candidates:
+        burckhardt = _fit(regression, findings.selection.best.fitted.model)
     same = plain
     if best.candidates:
         same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
-    if not _is_worth(same, best) or _leaves_slip(found, shaped):
+    if not _is_worth(same, best) or _leaves_slip(findings, shaped):
         return None
     if not _shows_in_adhesion(regression, same, best) or _is_of_no_contact(regression, best):
         return None
@@ -198,7 +198,7 @@ def _shows_in_adhesion(
     of the efforts explains what Burckhardt's curve leaves.
     """
     left, still_left = (
-        compare_where_effort_is_noisy(regression, one.fitted.model) for one in (small, large)
+        compare_where_effort_is_noisy(regression, scored.fitted.model) for scored in (small, large)
     )
     if left is not None and still_left is not None:
         return left > ABOVE_NOISE and still_left < (1.0 - LEAST_GAIN) * left
@@ -209,8 +209,8 @@ def _shows_in_adhesion(
     if not rows.any():
         return False
     before, after = (
-        float(np.sqrt(np.mean(regression.residual(one.fitted.model)[rows] ** 2)))
-        for one in (small, large)
+        float(np.sqrt(np.mean(regression.residual(scored.fitted.model)[rows] ** 2)))
+        for scored in (small, large)
     )
     return after < (1.0 - LEAST_GAIN) * before
 
@@ -227,23 +227,29 @@ def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bo
     return share_opposite(aligned[regression.used & (slope < 0.0)]) > 0.0
 
 
-def _leaves_slip(found: Findings, shaped: Findings) -> bool:
+def _leaves_slip(findings: Findings, shaped: Findings) -> bool:
     """Whether the residual still depends on the slip much: then the family is not the shape.
 
     Errors of the slip leave such a dependence on any steep curve. It does not count where the
     family explains more than any curve over slip could.
     """
-    plain, best = found.selection.plain, shaped.selection.best
-    before = _explained_by_slip(found.channels_of_plain, plain.rmse)
+    plain, best = findings.selection.plain, shaped.selection.best
+    before = _explained_by_slip(findings.channels_of_plain, plain.rmse)
     if best.rmse**2 < plain.rmse**2 - before:
         return False
-    left = [one for one in shaped.significant_channels_of_best if one.gain >= SECOND_LEAST_GAIN]
+    left = [
+        dependence
+        for dependence in shaped.significant_channels_of_best
+        if dependence.gain >= SECOND_LEAST_GAIN
+    ]
     return _explained_by_slip(left, best.rmse) > MOST_LEFT * before
 
 
 def _explained_by_slip(channels: Sequence[ResidualChannel], rmse: float) -> float:
     """Mean square of the adhesion that a spline in the slip takes off a residual."""
-    by_slip = (one.explained_square(rmse) for one in channels if one.channel.name == "slip")
+    by_slip = (
+        channel.explained_square(rmse) for channel in channels if channel.channel.name == "slip"
+    )
     return max(by_slip, default=0.0)
 
 
@@ -252,7 +258,8 @@ def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:
     if is_worse(burckhardt, shaped) or shaped.rmse > (1.0 + LARGEST_LOSS) * burckhardt.rmse:
         return False
     instruments = [
-        sum(not acts_in_contact(c.effect) for c in one.candidates) for one in (burckhardt, shaped)
+        sum(not acts_in_contact(c.effect) for c in scored.candidates)
+        for scored in (burckhardt, shaped)
     ]
     causes = [len(burckhardt.candidates), 1 + len(shaped.candidates)]
     return (

@@ -45,7 +45,7 @@ def with_delay_for_lag(
     """
     model, square = best.fitted.model, best.fitted.cross_validated_square
     speed = float(
-        np.median(np.concatenate([one.observe().speed for one in regression.data.drives]))
+        np.median(np.concatenate([drive.observe().speed for drive in regression.data.drives]))
     )
     for place, lag in enumerate(model.candidates):
         if not (lag.is_lag and acts_in_contact(lag.effect)):
@@ -63,7 +63,7 @@ def with_delay_for_lag(
                 _fit_delay(regression, smaller, delay, about_s),
             )
         ]
-        fitted = min(fits, key=lambda one: one.cross_validated_square, default=None)
+        fitted = min(fits, key=lambda fit: fit.cross_validated_square, default=None)
         if fitted is not None and fitted.cross_validated_square < square:
             delayed = replace(fitted.model, fixed=smaller.fixed)
             return score_model(regression, fit_model(regression, delayed))

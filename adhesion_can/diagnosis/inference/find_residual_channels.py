@@ -134,7 +134,7 @@ def fit_residual_channels(
     before = float(np.sqrt(np.mean(residual[used] ** 2)))
     white = regression.whiten(np.column_stack([jacobian, *bases, residual]))
     total = regression.compute_grams(white).total
-    found, first = [], jacobian.shape[1]
+    dependences, first = [], jacobian.shape[1]
     for place, (channel, basis) in enumerate(zip(channels, bases, strict=True)):
         columns = [*range(jacobian.shape[1]), *range(first, first + basis.shape[1])]
         first += basis.shape[1]
@@ -144,8 +144,8 @@ def fit_residual_channels(
         after = float(np.sqrt(np.mean(remaining[used] ** 2)))
         gain = 1.0 - after / max(before, 1e-300)
         p_value = float(test.p_value[place])
-        found.append(ResidualChannel(channel, p_value, gain, basis, jacobian, coefficients))
-    return sorted(found, key=lambda one: -one.gain)
+        dependences.append(ResidualChannel(channel, p_value, gain, basis, jacobian, coefficients))
+    return sorted(dependences, key=lambda one: -one.gain)
 
 
 def find_wave(

@@ -103,7 +103,11 @@ class Findings:
     @property
     def significant_channels_of_best(self) -> tuple[ResidualChannel, ...]:
         """Those of them on which the residual depends significantly."""
-        return tuple(one for one in self.channels_of_best if one.p_value <= self.channel_alpha)
+        return tuple(
+            dependence
+            for dependence in self.channels_of_best
+            if dependence.p_value <= self.channel_alpha
+        )
 
     def p_value(self, candidate: Candidate) -> float:
         """P-value of a selected effect, all effects counted."""
@@ -153,7 +157,7 @@ class Findings:
         # The fit of the search may be better, or at a minimum that the model has left since.
         known = self.fitted_with(rest)
         if known is not None:
-            without = min(known, without, key=lambda one: one.fitted.cross_validated_square)
+            without = min(known, without, key=lambda model: model.fitted.cross_validated_square)
         return self.with_best(without)
 
     def with_best(self, best: ScoredModel) -> "Findings":
@@ -164,7 +168,7 @@ class Findings:
         """Fitted model with given effects; None where there is none."""
         selection = self.selection
         known = (selection.plain, *selection.singles, *selection.smaller)
-        return next((one for one in known if one.candidates == candidates), None)
+        return next((model for model in known if model.candidates == candidates), None)
 
     @cached_property
     def oscillates(self) -> bool:
@@ -177,10 +181,14 @@ class Findings:
         """Channel that the plain model's residual depends on; None: there is none."""
         if self.selection.plain.rmse < NOISELESS:
             return None
-        for one in self.channels_of_plain:
-            possible = not self.saturated or one.channel.name == "tractive_effort"
-            if possible and one.p_value <= self.channel_alpha and one.gain >= SECOND_LEAST_GAIN:
-                return one
+        for dependence in self.channels_of_plain:
+            possible = not self.saturated or dependence.channel.name == "tractive_effort"
+            if (
+                possible
+                and dependence.p_value <= self.channel_alpha
+                and dependence.gain >= SECOND_LEAST_GAIN
+            ):
+                return dependence
         return None
 
     @cached_property
@@ -202,7 +210,9 @@ class Findings:
         effects = best.active_effects
         corrected = regression.evaluate_corrected(best)
         columns = [channel.build_basis(corrected) for channel in build_channels(data, corrected)]
-        columns += [one.basis for one in self.channels_of_best if one.channel.period]
+        columns += [
+            dependence.basis for dependence in self.channels_of_best if dependence.channel.period
+        ]
         jacobian = compute_curve_jacobian(data, best.curves, corrected)
         design = np.column_stack([jacobian, *columns])[used]
         residual = evaluate_model(data, best.curves, effects).residual[used]

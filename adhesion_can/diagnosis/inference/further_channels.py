@@ -24,28 +24,30 @@ MOST_CHANNELS = 2
 
 
 def with_further_channels(
-    regression: WhitenedRegression, found: ModelSelection, candidates: Sequence[Candidate]
+    regression: WhitenedRegression, selection: ModelSelection, candidates: Sequence[Candidate]
 ) -> ModelSelection:
     """The selection with channels of the user's beside its effects.
 
     What the library knows to act on a vehicle may act beside what a user brought: the two do not
     take each other's place.
     """
-    best = found.best
+    best = selection.best
     for _ in range(MOST_CHANNELS):
         channels = [c for c in candidates if c.effect.id.startswith(PREFIX) and best.admits(c)]
         if not channels or not best.candidates:
             break
         proposals = propose_effects(regression, best.fitted.model, channels)[:PARTNERS]
-        fits = race(regression, [one for one in proposals if one.gain > LEAST_WHITENED_GAIN])
-        if not fits or not is_improvement(best, fits[0], found.test.independent):
+        fits = race(
+            regression, [proposal for proposal in proposals if proposal.gain > LEAST_WHITENED_GAIN]
+        )
+        if not fits or not is_improvement(best, fits[0], selection.test.independent):
             break
         best = fits[0]
-    if best is found.best:
-        return found
-    best, smaller = drop_needless(regression, best, found.test.independent)
-    known = found.all_rivals()
-    return replace(found, best=best, indistinguishable=(), smaller=smaller, known_rivals=known)
+    if best is selection.best:
+        return selection
+    best, smaller = drop_needless(regression, best, selection.test.independent)
+    known = selection.all_rivals()
+    return replace(selection, best=best, indistinguishable=(), smaller=smaller, known_rivals=known)
 
 
 def drop_needless(
@@ -65,9 +67,9 @@ def drop_needless(
     while True:
         last = best.candidates[-1]
         needless = [
-            one
-            for one in smaller
-            if last in one.candidates and gain_p_value(one.fitted, best.fitted) * tested > LEVEL
+            model
+            for model in smaller
+            if last in model.candidates and gain_p_value(model.fitted, best.fitted) * tested > LEVEL
         ]
         if not needless:
             return best, smaller

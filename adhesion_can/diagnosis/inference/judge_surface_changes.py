@@ -21,15 +21,15 @@ def explains_without_changes(changing: Findings, steady: Findings) -> bool:
         steady: Findings without any.
 
     """
-    found, other = changing.selection.best, steady.selection.best
+    best, other = changing.selection.best, steady.selection.best
     if not other.ids and steady.shape is None:
         return False
-    if other.rmse <= (1.0 + LARGEST_LOSS) * found.rmse:
+    if other.rmse <= (1.0 + LARGEST_LOSS) * best.rmse:
         return True
     regression = changing.prepared.regression
     merged = replace(regression, data=merge_surfaces(regression.data))
     refitted = fit_model(merged, other.fitted.model)
-    return refitted.cross_validated_square <= found.fitted.cross_validated_square
+    return refitted.cross_validated_square <= best.fitted.cross_validated_square
 
 
 def merge_surfaces(data: RegressionData) -> RegressionData:

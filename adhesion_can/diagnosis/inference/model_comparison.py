@@ -116,7 +116,7 @@ def score_model(
     """A fitted model with its RMSE, and its p-values by sign flips where there are some."""
     residual = regression.residual(fitted.model)
     both = (regression.without_speed_errors(residual), residual)
-    rmse, with_errors = (float(np.sqrt(np.mean(one[regression.used] ** 2))) for one in both)
+    rmse, with_errors = (float(np.sqrt(np.mean(scored[regression.used] ** 2))) for scored in both)
     return ScoredModel(fitted, rmse, with_errors, sign_flips or {})
 
 

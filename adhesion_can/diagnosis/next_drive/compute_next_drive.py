@@ -58,7 +58,7 @@ PARTS = 3
 
 
 def compute_next_drive(
-    found: Findings,
+    findings: Findings,
     explanations: Sequence[Explanation],
     limits: PlanLimits,
     rivals: Sequence[str] = (),
@@ -66,21 +66,21 @@ def compute_next_drive(
     """The drive that would distinguish what is left of explanations.
 
     Args:
-        found: Findings of a diagnosis.
+        findings: Findings of a diagnosis.
         explanations: Explanations that are left.
         limits: Limits within which the plan drives.
         rivals: Ids of the rivals of the named effects.
 
     """
-    regression = found.prepared.regression.last_fit
-    fitted = found.selection.best.fitted
-    setting = build_drive_setting(regression, fitted, found.block_length_s)
+    regression = findings.prepared.regression.last_fit
+    fitted = findings.selection.best.fitted
+    setting = build_drive_setting(regression, fitted, findings.block_length_s)
     if setting is None:
         return NextDrive((), None, f"No plan: {describe_setting(regression.data.drives)}.")
     # A longer one would not be taken for a drive that decides.
     longest_s = max(drive.driven_s for drive in regression.data.drives)
     longest_s = min(limits.duration_max, float(np.floor(SHORT * longest_s)))
-    names = tuple(one.name for one in explanations)
+    names = tuple(explanation.name for explanation in explanations)
     if len(names) == 1 and rivals:
         return NextDrive(names, None, _describe_unplanned(names[0], rivals))
     return plan_drive(explanations, setting, replace(limits, duration_max=longest_s))
@@ -97,7 +97,7 @@ def plan_drive(
         limits: Limits within which the plan drives.
 
     """
-    names = tuple(one.name for one in explanations)
+    names = tuple(explanation.name for explanation in explanations)
     if len(explanations) < 2:
         return NextDrive(names, None, _describe_too_few(names))
     comparison = ExplanationComparison(explanations, setting)
@@ -231,8 +231,8 @@ def _depends_on_sand(explanations: Sequence[Explanation]) -> bool:
     name = COVARIATES[Role.SANDING]
     return any(
         name in candidate.effect.requires.covariates
-        for one in explanations
-        for candidate in one.model.candidates
+        for explanation in explanations
+        for candidate in explanation.model.candidates
     )
 
 
@@ -241,8 +241,10 @@ def _follows_speed(explanations: Sequence[Explanation]) -> bool:
     return any(
         _is_time_of_signal(candidate)
         and build_instruments([candidate.active(values)]).misread_speed
-        for one in explanations
-        for candidate, values in zip(one.model.candidates, one.model.values, strict=True)
+        for explanation in explanations
+        for candidate, values in zip(
+            explanation.model.candidates, explanation.model.values, strict=True
+        )
     )
 
 
@@ -255,8 +257,10 @@ def _longest_delay(explanations: Sequence[Explanation]) -> float:
     return max(
         (
             abs(values[0])
-            for one in explanations
-            for c, values in zip(one.model.candidates, one.model.values, strict=True)
+            for explanation in explanations
+            for c, values in zip(
+                explanation.model.candidates, explanation.model.values, strict=True
+            )
             if _is_time_of_signal(c)
         ),
         default=0.0,
@@ -300,7 +304,7 @@ def _list_pairs(
 ) -> tuple[PairDiscrepancy, ...]:
     if most is None:
         return ()
-    names = [one.name for one in comparison.explanations]
+    names = [explanation.name for explanation in comparison.explanations]
     return tuple(
         PairDiscrepancy(names[a], names[b], value, power_of(value))
         for (a, b), value in comparison.compute(most.grams).items()
@@ -334,7 +338,9 @@ def _describe_curve(nearest: tuple[float, float, float], curve: tuple[float, flo
 
 def _describe_plan(plan: DrivingPlan) -> str:
     steps = "; ".join(f"{step.duration_s:g} s {step.description}" for step in plan.steps)
-    predicted = " ".join(f"If {one.name} holds, {one.predicts}." for one in plan.predictions)
+    predicted = " ".join(
+        f"If {prediction.name} holds, {prediction.predicts}." for prediction in plan.predictions
+    )
     return f"Drive {plan.duration_s:g} s from {plan.start_speed:g} m/s: {steps}. {predicted}"
 
 

@@ -52,7 +52,7 @@ class Explanation:
 
 
 def build_explanations(
-    found: Findings,
+    findings: Findings,
     *,
     is_confirmed: bool,
     rivals: Mapping[Candidate, Sequence[str]],
@@ -65,33 +65,41 @@ def build_explanations(
     them, and the plain curve.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         is_confirmed: Whether the selected effects hold on the held-out data.
         rivals: Ids of the effects that the data cannot distinguish from each named one.
         others: Further models that are to be distinguished, such as refuted ones that help.
 
     """
-    regression = found.prepared.regression.last_fit
-    selection = found.selection
-    if selection.best.candidates or found.shape is not None:
+    regression = findings.prepared.regression.last_fit
+    selection = findings.selection
+    if selection.best.candidates or findings.shape is not None:
         known = [selection.best, *selection.indistinguishable]
     else:
-        known = [one for one in selection.singles if _gains(one, selection.plain)]
-    models = [one.fitted.model for one in known if not _is_at_bound(one.fitted.model)]
-    if found.shape is not None:
-        models += _rivals_of_shape(regression, found.shape, found.prepared.candidates)
+        known = [single for single in selection.singles if _gains(single, selection.plain)]
+    models = [
+        known_model.fitted.model
+        for known_model in known
+        if not _is_at_bound(known_model.fitted.model)
+    ]
+    if findings.shape is not None:
+        models += _rivals_of_shape(regression, findings.shape, findings.prepared.candidates)
     scored = _without_duplicates(_refit(regression, model) for model in (*models, *others))
     if scored:
-        best = min(scored, key=lambda one: one.fitted.cross_validated_square)
-        scored = [one for one in scored if one is best or not is_worse(best, one)]
+        best = min(scored, key=lambda scored_model: scored_model.fitted.cross_validated_square)
+        scored = [
+            scored_model
+            for scored_model in scored
+            if scored_model is best or not is_worse(best, scored_model)
+        ]
     # A rival has been called indistinguishable: no test of the blocks takes that back.
-    named = (_refit(regression, model) for model in _models_of_rivals(found, rivals))
+    named = (_refit(regression, model) for model in _models_of_rivals(findings, rivals))
     scored = _without_duplicates([*scored, *named])[:MOST_EXPLANATIONS]
     if not is_confirmed and scored:
-        plain = _refit(regression, found.baseline.fitted.model)
+        plain = _refit(regression, findings.baseline.fitted.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
     surface = _largest_surface(regression)
-    return tuple(_explain(one.fitted, surface) for one in scored)
+    return tuple(_explain(scored_model.fitted, surface) for scored_model in scored)
 
 
 def _is_at_bound(model: Model) -> bool:
@@ -104,9 +112,9 @@ def _is_at_bound(model: Model) -> bool:
     )
 
 
-def _gains(one: ScoredModel, plain: ScoredModel) -> bool:
+def _gains(scored: ScoredModel, plain: ScoredModel) -> bool:
     """Whether a model predicts better than the plain one at all."""
-    return one.fitted.cross_validated_square < plain.fitted.cross_validated_square
+    return scored.fitted.cross_validated_square < plain.fitted.cross_validated_square
 
 
 def _rivals_of_shape(
@@ -123,10 +131,10 @@ def _rivals_of_shape(
 
 
 def _models_of_rivals(
-    found: Findings, rivals: Mapping[Candidate, Sequence[str]]
+    findings: Findings, rivals: Mapping[Candidate, Sequence[str]]
 ) -> Iterator[Model]:
     """The selected model with a named effect replaced by each of its rivals, where that fits."""
-    regression, best = found.prepared.regression.last_fit, found.selection.best.fitted.model
+    regression, best = findings.prepared.regression.last_fit, findings.selection.best.fitted.model
     fitted = fit_model(regression, best)
     for candidate, ids in rivals.items():
         if candidate not in best.candidates:
@@ -135,7 +143,11 @@ def _models_of_rivals(
         square = without.cross_validated_square
         least = AS_GOOD * (square - fitted.cross_validated_square)
         for rival in ids:
-            forms = [one for one in found.prepared.candidates if one.effect.id == rival]
+            forms = [
+                candidate
+                for candidate in findings.prepared.candidates
+                if candidate.effect.id == rival
+            ]
             for proposal in propose_effects(regression, without.model, forms)[:1]:
                 model = fit_model(regression, proposal.model)
                 if square - model.cross_validated_square >= least and not _is_at_bound(model.model):
@@ -149,7 +161,7 @@ def _refit(regression: WhitenedRegression, model: Model) -> ScoredModel:
 def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
     """The best model of each set of effects, best first: forms are no explanations of their own."""
     best: dict[tuple[str, tuple[tuple[str, int], ...]], ScoredModel] = {}
-    for one in sorted(models, key=lambda one: one.fitted.cross_validated_square):
+    for one in sorted(models, key=lambda model: model.fitted.cross_validated_square):
         effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
         best.setdefault((one.fitted.model.curves.family.name, effects), one)
     return list(best.values())

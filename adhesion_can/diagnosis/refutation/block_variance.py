@@ -153,12 +153,12 @@ def _predict_shared(
     grams = BlockGramMatrices.from_columns(columns, block).matrices
     information = grams[:, :-1, :-1] + np.eye(design.shape[1])
     errors = np.linalg.solve(information, grams[:, :-1, -1:])
-    own = np.unique(cells.block, return_inverse=True)[1]
+    block_of_cell = np.unique(cells.block, return_inverse=True)[1]
     sums = np.zeros((len(cells.rows), design.shape[1], 1))
     for k, column in enumerate(design.T):
         sums[:, k, 0] = cells.sum(column)
-    variance = np.sum(sums * np.linalg.solve(information[own], sums), axis=(1, 2))
-    return np.sum(sums * errors[own], axis=(1, 2)), variance
+    variance = np.sum(sums * np.linalg.solve(information[block_of_cell], sums), axis=(1, 2))
+    return np.sum(sums * errors[block_of_cell], axis=(1, 2)), variance
 
 
 def compute_variance_left(

@@ -62,7 +62,7 @@ def build_partitions(data: RegressionData, slip: Array) -> list[Partition]:
     names = [name for name in parts[0] if all(name in part for part in parts)]
     quantities = {name: np.concatenate([part[name] for part in parts]) for name in names}
     numeric = (_divide(name, values) for name, values in quantities.items())
-    found = [one for one in numeric if one is not None]
+    found = [partition for partition in numeric if partition is not None]
     return [*found, *_groups(data, slip)]
 
 

@@ -95,25 +95,25 @@ class _Trial:
         return self.worst_reason.badness
 
 
-def drop_refuted(found: Findings) -> Findings:
+def drop_refuted(findings: Findings) -> Findings:
     """The findings without the causes that are refuted, which are kept with their reasons."""
-    if not found.selection.best.candidates:
-        return found
-    regression = found.prepared.regression.last_fit
-    fitted = fit_model(regression, found.selection.best.fitted.model)
+    if not findings.selection.best.candidates:
+        return findings
+    regression = findings.prepared.regression.last_fit
+    fitted = fit_model(regression, findings.selection.best.fitted.model)
     model = fitted.model
     trials = _try_all(regression, model)
     worst = max(trials, key=lambda trial: trial.badness)
     reason = worst.worst_reason
     if not worst.reasons:
-        worst, reason = _find_least_sure(found, model, trials)
+        worst, reason = _find_least_sure(findings, model, trials)
     if reason is _NO_REASON:
         sizes = {model.candidates[trial.place]: trial.sizes for trial in trials}
-        found = replace(found, sizes_by_environment=sizes)
-        if found.share_of_excess >= LEAST_OF_EXCESS:
-            return found
+        findings = replace(findings, sizes_by_environment=sizes)
+        if findings.share_of_excess >= LEAST_OF_EXCESS:
+            return findings
         without = [trial.without for trial in trials]
-        return _refute_all(found, fitted, without, _describe_excess(found))
+        return _refute_all(findings, fitted, without, _describe_excess(findings))
     candidate = model.candidates[worst.place]
     refuted = RefutedCause(
         candidate.effect.id,
@@ -124,20 +124,20 @@ def drop_refuted(found: Findings) -> Findings:
         reason.text,
         worst.sizes,
     )
-    smaller = replace(found.without_effect(worst.place), refuted=(*found.refuted, refuted))
+    smaller = replace(findings.without_effect(worst.place), refuted=(*findings.refuted, refuted))
     return drop_refuted(smaller)
 
 
 def _find_least_sure(
-    found: Findings, model: Model, trials: Sequence[_Trial]
+    findings: Findings, model: Model, trials: Sequence[_Trial]
 ) -> tuple[_Trial, _Reason]:
     """The cause with the largest p-value, and what that says against it."""
-    p_values = [found.p_value(model.candidates[trial.place]) for trial in trials]
+    p_values = [findings.p_value(model.candidates[trial.place]) for trial in trials]
     largest = max(p_values)
     trial = trials[p_values.index(largest)]
-    if largest <= found.alpha:
+    if largest <= findings.alpha:
         return trial, _NO_REASON
-    return trial, _Reason(DECISIVE, _describe_chance(largest, found.alpha))
+    return trial, _Reason(DECISIVE, _describe_chance(largest, findings.alpha))
 
 
 def describe_refutation(regression: WhitenedRegression, model: Model) -> str:
@@ -174,11 +174,11 @@ def refute_shape(shaped: Findings) -> RefutedCause | None:
     return RefutedCause(CURVE_SHAPE, shaped.shape.family.name, None, fitted, without, reason)
 
 
-def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) -> Findings:
+def refute_by_witness(findings: Findings, plain_found: Findings, witness: Witness) -> Findings:
     """The findings without the causes of which a doubt of the service is left.
 
     Args:
-        found: Findings whose named causes are refuted.
+        findings: Findings whose named causes are refuted.
         plain_found: Findings with Burckhardt's curve, which stay where another shape is refuted.
         witness: Doubt before and after.
 
@@ -187,27 +187,27 @@ def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) 
         f"with it the service still doubts its model {100 * witness.doubt_after:.0f} % of the "
         f"time ({100 * witness.doubt_before:.0f} % without it); a true cause removes the doubt"
     )
-    regression = found.prepared.regression.last_fit
-    fitted = fit_model(regression, found.selection.best.fitted.model)
+    regression = findings.prepared.regression.last_fit
+    fitted = fit_model(regression, findings.selection.best.fitted.model)
     without = [
         fit_model(regression, remove_effect(fitted.model, place)[0]).model
         for place in range(len(fitted.model.candidates))
     ]
-    refuted = _refute_all(found, fitted, without, reason).refuted
-    if found.shape is not None:
-        same = fit_model(regression, found.shape.same.fitted.model).model
-        family = found.shape.family.name
+    refuted = _refute_all(findings, fitted, without, reason).refuted
+    if findings.shape is not None:
+        same = fit_model(regression, findings.shape.same.fitted.model).model
+        family = findings.shape.family.name
         refuted = (*refuted, RefutedCause(CURVE_SHAPE, family, None, fitted, same, reason))
     return replace(plain_found.with_best(plain_found.selection.plain), refuted=refuted)
 
 
 def _refute_all(
-    found: Findings, fitted: FittedModel, without: Sequence[Model], reason: str
+    findings: Findings, fitted: FittedModel, without: Sequence[Model], reason: str
 ) -> Findings:
     """The findings without any effect: all of the selected model's are refuted for one reason.
 
     Args:
-        found: Findings.
+        findings: Findings.
         fitted: The selected model, fitted to all rows.
         without: Model without each of its effects, fitted to the same rows.
         reason: Reason, a clause.
@@ -221,36 +221,36 @@ def _refute_all(
             fitted,
             smaller,
             reason,
-            found.sizes_by_environment.get(candidate, ()),
+            findings.sizes_by_environment.get(candidate, ()),
         )
         for place, (candidate, smaller) in enumerate(
             zip(fitted.model.candidates, without, strict=True)
         )
     ]
-    without_effects = found.with_best(found.selection.plain)
-    return replace(without_effects, refuted=(*found.refuted, *refuted))
+    without_effects = findings.with_best(findings.selection.plain)
+    return replace(without_effects, refuted=(*findings.refuted, *refuted))
 
 
-def add_implausible_effects(found: Findings) -> Findings:
+def add_implausible_effects(findings: Findings) -> Findings:
     """The findings with the effects that would explain the data by a size that no vehicle has.
 
     Nothing else is put silently in their place: they are refuted causes with that reason.
     """
-    regression = found.prepared.regression.last_fit
-    plain = fit_model(regression, found.selection.plain.fitted.model).model
+    regression = findings.prepared.regression.last_fit
+    plain = fit_model(regression, findings.selection.plain.fitted.model).model
     refuted = [
         RefutedCause(
-            one.candidates[0].effect.id,
-            one.candidates[0].effect.form,
+            scored.candidates[0].effect.id,
+            scored.candidates[0].effect.form,
             0,
-            fit_model(regression, without_bounds(one.fitted.model)),
+            fit_model(regression, without_bounds(scored.fitted.model)),
             plain,
-            _describe_implausible(one),
+            _describe_implausible(scored),
         )
-        for one in found.selection.implausible
-        if one.candidates[0] not in found.selection.best.candidates
+        for scored in findings.selection.implausible
+        if scored.candidates[0] not in findings.selection.best.candidates
     ]
-    return replace(found, refuted=(*found.refuted, *refuted))
+    return replace(findings, refuted=(*findings.refuted, *refuted))
 
 
 def without_bounds(model: Model) -> Model:
@@ -316,9 +316,9 @@ def _find_reasons(
             yield _Reason(DECISIVE, text)
 
 
-def _describe_excess(found: Findings) -> str:
+def _describe_excess(findings: Findings) -> str:
     return (
-        f"it explains {100 * found.share_of_excess:.0f} % of the residual beyond the sensor "
+        f"it explains {100 * findings.share_of_excess:.0f} % of the residual beyond the sensor "
         f"noise; a cause explains at least {100 * LEAST_OF_EXCESS:.0f} %"
     )
 

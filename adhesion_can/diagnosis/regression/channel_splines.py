@@ -111,10 +111,11 @@ def build_channels(data: RegressionData, evaluation: EvaluatedModel) -> list[Cha
     """
     observed = [drive.observe() for drive in data.drives]
     speed, load = (
-        np.concatenate([getattr(one, name) for one in observed]) for name in ("speed", "load")
+        np.concatenate([getattr(readings, name) for readings in observed])
+        for name in ("speed", "load")
     )
     curve = ChannelKind.CURVE
-    found = [
+    channels = [
         Channel("slip", ChannelKind.FACTOR, np.abs(evaluation.slip)),
         Channel("tractive_effort", curve, np.abs(evaluation.predicted) * load),
         Channel("slip_rate", ChannelKind.OFFSET, _compute_slip_rate(data, evaluation.slip)),
@@ -125,12 +126,12 @@ def build_channels(data: RegressionData, evaluation: EvaluatedModel) -> list[Cha
         Channel("position", ChannelKind.FACTOR, data.column("position"), DRIVE_COLUMNS),
     ]
     if any(drive.independent for drive in data.drives):
-        found = [one for one in found if one.name not in SEQUENCE_CHANNELS]
+        channels = [channel for channel in channels if channel.name not in SEQUENCE_CHANNELS]
     names = set.intersection(*(set(drive.covariates) for drive in data.drives))
     for name in sorted(names):
         values = np.concatenate([drive.covariates[name] for drive in data.drives])
-        found.append(Channel(name, ChannelKind.FACTOR, values))
-    return [channel for channel in found if not channel.constant]
+        channels.append(Channel(name, ChannelKind.FACTOR, values))
+    return [channel for channel in channels if not channel.constant]
 
 
 def _compute_slip_rate(data: RegressionData, slip: Array) -> Array:

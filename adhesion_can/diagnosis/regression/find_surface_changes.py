@@ -225,4 +225,4 @@ def _shape_splines(data: RegressionData, model: Model) -> list[Array]:
         Channel(name, ChannelKind.FACTOR, values)
         for name, values in (("slip", size), ("creep_speed", creep_speed))
     ]
-    return [one.build_basis(evaluation) for one in channels if not one.constant]
+    return [channel.build_basis(evaluation) for channel in channels if not channel.constant]

@@ -23,7 +23,7 @@ def fit_family_curves(data: RegressionData, family: CurveFamily) -> SegmentCurve
     """Curves of a family to start with: plain least squares on some rows of each surface."""
     observed = [drive.observe() for drive in data.drives]
     slip, adhesion, speed, load = (
-        np.concatenate([getattr(one, name) for one in observed])
+        np.concatenate([getattr(readings, name) for readings in observed])
         for name in ("slip", "adhesion", "speed", "load")
     )
     known = np.concatenate([np.full(len(drive), drive.has_load) for drive in data.drives])
@@ -66,7 +66,7 @@ def _fit_points(
         )
         for start in starts[:TRIED]
     ]
-    best = min(fits, key=lambda one: float(one.cost))
+    best = min(fits, key=lambda fit: float(fit.cost))
     return [float(value) for value in best.x]
 
 

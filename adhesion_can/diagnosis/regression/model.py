@@ -188,14 +188,14 @@ def compute_curve_jacobian(
 
     """
     gradient = curves.gradient(evaluation.slip, data.surface, evaluation.conditions)
-    own = np.ascontiguousarray((evaluation.factor * gradient).T)
+    gradients = np.ascontiguousarray((evaluation.factor * gradient).T)
     if data.surfaces == 1:
-        return own
+        return gradients
     size = curves.size
     columns = np.zeros((len(data), size * data.surfaces))
     for number in range(data.surfaces):
         rows = data.surface == number
-        columns[rows, size * number : size * (number + 1)] = own[rows]
+        columns[rows, size * number : size * (number + 1)] = gradients[rows]
     return columns
 
 
@@ -306,7 +306,7 @@ def compute_effect_jacobian(
     for place, parameter in enumerate(candidate.free_parameters):
         step = parameter.step or DERIVATIVE_STEP * abs(parameter.typical)
         if place == 0 and parameter.unit == "s" and not acts_in_contact(candidate.effect):
-            step = max(step, DELAY_ROWS * max(one.kinematics.cycle_s for one in data.drives))
+            step = max(step, DELAY_ROWS * max(drive.kinematics.cycle_s for drive in data.drives))
         columns.append(
             _difference_quotient(
                 data, model, candidate, values, place, step, slip_correction, known

@@ -163,10 +163,12 @@ class WhitenedRegression:
         rows = rows[np.argsort(number, kind="stable")]
         starts = np.unique(number, return_counts=True)[1].cumsum()[:-1]
         out = []
-        for own in np.split(rows, starts):
-            scaled = design[own] * self.scale[own, None]
+        for rows_of_block in np.split(rows, starts):
+            scaled = design[rows_of_block] * self.scale[rows_of_block, None]
             gram = scaled.T @ scaled + np.eye(scaled.shape[1])
-            out.append((own, design[own], np.asarray(np.linalg.solve(gram, scaled.T))))
+            out.append(
+                (rows_of_block, design[rows_of_block], np.asarray(np.linalg.solve(gram, scaled.T)))
+            )
         return out
 
     def build_columns(self, model: Model) -> Array:
@@ -294,13 +296,15 @@ class FittedModel:
         basis = scipy.linalg.solve_triangular(root, np.diag(1.0 / norms), lower=True).T
         out = np.empty(len(matrices))
         for b, gram in enumerate(matrices):
-            own, score = gram[:-1, :-1], gram[:-1, -1]
-            leverage, directions = np.linalg.eigh(basis.T @ own @ basis)
+            information, score = gram[:-1, :-1], gram[:-1, -1]
+            leverage, directions = np.linalg.eigh(basis.T @ information @ basis)
             left = 1.0 - leverage
             testable = left > LEAST_LEFT
             scaled = np.where(testable, 1.0 / np.where(testable, left, 1.0), 0.0)
             change = -basis @ (directions @ (scaled * (directions.T @ (basis.T @ score))))
-            out[b] = gram[-1, -1] - 2.0 * float(change @ score) + float(change @ own @ change)
+            out[b] = (
+                gram[-1, -1] - 2.0 * float(change @ score) + float(change @ information @ change)
+            )
         return out
 
 
