@@ -83,8 +83,8 @@ def build_diagnosis(
         remaining: What a further drive left of the explanations; None: there was no such drive.
 
     """
-    data = findings.prepared.regression.data
-    plain = findings.baseline.fitted.model
+    data = findings.regression.data
+    plain = findings.baseline.model
     verdict = _choose_verdict(findings, confirmed)
     extended = _fit_extension(findings, confirmed)
     profile = _build_profile(findings, confirmed, extended.model)
@@ -169,7 +169,7 @@ def _build_noise(findings: Findings) -> NoiseResult:
 
 def _measure_on_held_out(findings: Findings, gain: Gain, model: ExtendedModel) -> Gain:
     """The gain on whole drives as `evaluate` measures it: refitted, and as written."""
-    regression = findings.prepared.regression
+    regression = findings.regression
     ends = np.cumsum([len(drive) for drive in regression.data.drives])[:-1]
     held = np.array([bool((own < 0).all()) for own in np.split(regression.block, ends)])
     part = evaluate_held_out(regression.data, held, model)
@@ -205,12 +205,12 @@ class _Extension:
 
 def _fit_extension(findings: Findings, confirmed: ConfirmedFindings) -> _Extension:
     """Fit the extended model to all rows but those of other drives that were held out."""
-    regression = findings.prepared.regression.last_fit
+    regression = findings.regression.last_fit
     named = confirmed.named or confirmed.shape is not None
     selected = findings.selection.best if named else findings.selection.plain
-    fitted = plain = fit_model(regression, selected.fitted.model)
+    fitted = plain = fit_model(regression, selected.model)
     if selected is not findings.baseline:
-        plain = fit_model(regression, findings.baseline.fitted.model)
+        plain = fit_model(regression, findings.baseline.model)
     spline = None if confirmed.channel is None else build_spline(confirmed.channel)
     model = fitted.model
     if spline is not None:
@@ -236,8 +236,8 @@ def _build_profile(
     findings: Findings, confirmed: ConfirmedFindings, model: Model
 ) -> Profile | None:
     """Residual over the channel that matters, before and after; None where there is none."""
-    data = findings.prepared.regression.data
-    before = evaluate_model(data, findings.baseline.fitted.model.curves)
+    data = findings.regression.data
+    before = evaluate_model(data, findings.baseline.model.curves)
     channel: Channel | None = None
     if confirmed.shape is not None:
         slips = (channel for channel in build_channels(data, before) if channel.name == "slip")
@@ -258,11 +258,11 @@ def _compute_residual_after(
     findings: Findings, confirmed: ConfirmedFindings, model: Model
 ) -> Array:
     """Residual of the extended model, adhesion; shape (n,)."""
-    data = findings.prepared.regression.data
+    data = findings.regression.data
     channel = confirmed.channel
     if channel is not None and build_spline(channel) is None:
         # No model can have this channel: its fitted spline stands for the extension.
-        before = evaluate_model(data, findings.baseline.fitted.model.curves)
+        before = evaluate_model(data, findings.baseline.model.curves)
         return before.residual - channel.prediction_change
     return evaluate_model(data, model.curves, model.active_effects).residual
 
@@ -292,10 +292,7 @@ def _describe_inputs(drives: Sequence[DriveData]) -> _Inputs:
 
 def _sort_by_gain(findings: Findings, named: Sequence[Candidate]) -> list[Candidate]:
     """Named effects, the one that alone gains most first."""
-    alone = {
-        single.candidates[0]: single.fitted.cross_validated_square
-        for single in findings.selection.singles
-    }
+    alone = {single.candidates[0]: single.square for single in findings.selection.singles}
     return sorted(named, key=lambda candidate: alone.get(candidate, np.inf))
 
 
@@ -307,7 +304,7 @@ def _build_cause(
 ) -> Cause:
     """A named effect with the parameters of the final fit."""
     effect = candidate.effect
-    has_load = any(drive.has_load for drive in findings.prepared.regression.data.drives)
+    has_load = any(drive.has_load for drive in findings.regression.data.drives)
     place = final.model.candidates.index(candidate)
     values = parameter_values(final, place, has_load=has_load)
     return Cause(
@@ -332,7 +329,7 @@ def _find_rivals(
     selected = set(findings.selection.rivals(candidate))
     contradicted = {effect for effect, _ in refuted} - selected
     rivals = selected | (set(find_equivalent_effects(findings, candidate)) - contradicted)
-    if is_at_one_speed(findings.prepared.regression.data.drives):
+    if is_at_one_speed(findings.regression.data.drives):
         known = findings.selection.best.ids
         rivals |= find_rivals_at_one_speed(candidate, size, findings.prepared.candidates) - known
     return tuple(sorted(rivals))

@@ -14,12 +14,11 @@ from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     ScoredModel,
     find_shortfall,
+    fit_and_score,
     is_worse,
-    score_model,
     worse_p_value,
 )
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 
 PLAIN = "plain curve"
 """Name of the model without effects in a list of scores."""
@@ -163,12 +162,10 @@ def _compare(findings: Findings, best: ScoredModel, fit: ScoredModel) -> tuple[D
 
     Of several drives all rows are asked, as in the choice between rivals (`part_rivals`).
     """
-    regression = findings.prepared.regression
+    regression = findings.regression
     if len(regression.data.drives) > 1:
         rows = regression.last_fit
-        best, fit = (
-            score_model(rows, fit_model(rows, scored.fitted.model)) for scored in (best, fit)
-        )
+        best, fit = (fit_and_score(rows, scored.model) for scored in (best, fit))
     decision = Decision.WORSE if is_worse(best, fit) else Decision.NOT_BETTER
     return decision, worse_p_value(best.fitted, fit.fitted)
 

@@ -40,7 +40,7 @@ class Rule(NamedTuple):
 
 def drop_noise_averages(findings: Findings) -> Findings:
     """The findings without lags that average noise, and delays too short to be known."""
-    best, regression = findings.selection.best, findings.prepared.regression
+    best, regression = findings.selection.best, findings.regression
     lags = tuple(c for c in best.candidates if c.is_lag)
     if not lags:
         return findings
@@ -75,10 +75,10 @@ def drop_bent_channel(findings: Findings) -> Findings:
 
 def drop_insignificant_sizes(findings: Findings) -> Findings:
     """The findings without effects whose 95 % interval holds 0, on the rows of the last fit too."""
-    best, regression = findings.selection.best, findings.prepared.regression
+    best, regression = findings.selection.best, findings.regression
     if not best.candidates:
         return findings
-    fits = best.fitted, fit_model(regression.last_fit, best.fitted.model)
+    fits = best.fitted, fit_model(regression.last_fit, best.model)
     size, place = min(
         (fitted.size_in_deviations(place), place)
         for fitted in fits

@@ -181,12 +181,12 @@ def build_family_results(findings: Findings, surface: int) -> tuple[FamilyResult
         surface: Number of the surface whose curves are drawn.
 
     """
-    data = findings.prepared.regression.data
+    data = findings.regression.data
     conditions = find_conditions(data, surface)
     observed = np.concatenate([drive.observe().slip for drive in data.drives])
     own = np.abs(observed[data.surface == surface])
     slip = np.linspace(0.0, float(own.max(initial=0.0)) or 0.2, POINTS)
-    chosen = findings.selection.best.fitted.model.curves.family.name
+    chosen = findings.selection.best.model.curves.family.name
     return tuple(
         _build_family_result(scored, surface, conditions, slip, chosen=scored.family.name == chosen)
         for scored in findings.families
@@ -196,7 +196,7 @@ def build_family_results(findings: Findings, surface: int) -> tuple[FamilyResult
 def _build_family_result(
     scored: ScoredFamily, surface: int, conditions: Conditions, slip: Array, *, chosen: bool
 ) -> FamilyResult:
-    curves = scored.scored.fitted.model.curves
+    curves = scored.scored.model.curves
     values = curves.parameters[surface]
     top = curves.peak(surface, conditions, SLIP_MAX)
     return FamilyResult(

@@ -93,7 +93,7 @@ def test_a_further_drive_overrules_what_is_open_and_no_name():
 
 def test_worse_is_what_the_test_of_rivals_calls_worse():
     drives = SimpleNamespace(drives=(None,))
-    found = SimpleNamespace(prepared=SimpleNamespace(regression=SimpleNamespace(data=drives)))
+    found = SimpleNamespace(regression=SimpleNamespace(data=drives))
     best = scored([1.0] * BLOCKS, 1.0)
     sure = scored([1.2, 1.1] * (BLOCKS // 2), 1.1)
     unsure = scored([2.0, 0.2] * (BLOCKS // 2), 1.1)

@@ -103,11 +103,11 @@ class Named:
         self.named = tuple(gains)
         candidates = tuple(SimpleNamespace(effect=SimpleNamespace(id=name)) for name in gains)
         model = SimpleNamespace(candidates=candidates, gains=gains)
-        self.selection = SimpleNamespace(best=SimpleNamespace(fitted=SimpleNamespace(model=model)))
-        self.prepared = SimpleNamespace(regression=None)
+        self.selection = SimpleNamespace(best=SimpleNamespace(model=model))
+        self.regression = None
 
     def without_effect(self, place):
-        gains = self.selection.best.fitted.model.gains
+        gains = self.selection.best.model.gains
         return Named({name: gains[name] for k, name in enumerate(gains) if k != place})
 
 

@@ -77,7 +77,7 @@ def drop_uncertain(findings: Findings) -> tuple[Findings, tuple[Untested, ...]]:
         findings: Findings of steps 2 to 6.
 
     """
-    best, regression = findings.selection.best.fitted.model, findings.prepared.regression
+    best, regression = findings.selection.best.model, findings.regression
     if len(findings.named) < 2:
         return findings, ()
     gains = []
@@ -109,14 +109,14 @@ def confirm_on_hold_out(findings: Findings) -> ConfirmedFindings:
     is_beaten = any(cause.gain.percent > confirmed.gain.percent for cause in closest)
     if is_beaten and confirmed.channel is not None:
         # What a refuted effect explains better is no matter of the channel.
-        plain = findings.baseline.fitted.model
+        plain = findings.baseline.model
         confirmed = replace(confirmed, channel=None, gain=_compute_gain(findings, plain, plain))
     return replace(confirmed, closest=closest, rejected=(*confirmed.rejected, *others))
 
 
 def _find_closest(findings: Findings) -> Iterator[ClosestCause]:
     """Refuted causes that gain on the held-out data."""
-    regression = findings.prepared.regression
+    regression = findings.regression
     for refuted in findings.refuted:
         # Their models were fitted to all rows; on those that decide they are fitted anew.
         models = (refuted.without, refuted.fitted.model)
@@ -127,10 +127,10 @@ def _find_closest(findings: Findings) -> Iterator[ClosestCause]:
 
 
 def _confirm(findings: Findings) -> ConfirmedFindings:
-    plain, best = findings.baseline.fitted.model, findings.selection.best.fitted.model
+    plain, best = findings.baseline.model, findings.selection.best.model
     rejected: list[Untested] = []
     if findings.shape is not None and findings.named:
-        same = findings.shape.same.fitted.model
+        same = findings.shape.same.model
         # Effects beside it must not carry a shape that gains nothing.
         gain_of_shape = _compute_gain(findings, same, best)
         if not (is_significant(gain_of_shape) or gain_of_shape.percent >= CLEAR_GAIN):
@@ -163,7 +163,7 @@ def _compute_gain(
     channel: ResidualChannel | None = None,
 ) -> Gain:
     return compute_hold_out_gain(
-        findings.prepared.regression,
+        findings.regression,
         smaller,
         extended,
         channel,

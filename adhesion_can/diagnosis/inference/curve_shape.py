@@ -19,10 +19,10 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_WHITENED_GAIN,
     SECOND_LEAST_GAIN,
     ScoredModel,
+    fit_and_score,
     gain_p_value,
     is_improvement,
     is_worse,
-    score_model,
 )
 from adhesion_can.diagnosis.inference.one_speed import is_at_one_speed
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS
@@ -31,7 +31,7 @@ from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFi
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
-from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 from adhesion_can.estimation.compare_directions import share_opposite
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.effects import acts_in_contact
@@ -78,15 +78,15 @@ def score_families(findings: Findings) -> tuple[ScoredFamily, ...]:
         findings: Findings with Burckhardt's curve.
 
     """
-    regression = findings.prepared.regression
+    regression = findings.regression
     plain, best = findings.selection.plain, findings.selection.best
-    fits = [ScoredFamily(plain.fitted.model.curves.family, plain, best)]
+    fits = [ScoredFamily(plain.model.curves.family, plain, best)]
     for family in OTHERS:
         curves = fit_family_curves(regression.data, family)
         alone = _fit(regression, Model(curves))
         extended = alone
         if best.candidates:
-            model = replace(best.fitted.model, curves=alone.fitted.model.curves)
+            model = replace(best.model, curves=alone.model.curves)
             extended = _fit(regression, model)
         fits.append(ScoredFamily(family, alone, extended))
     return tuple(fits)
@@ -108,7 +108,7 @@ def choose_families(findings: Findings, fits: Sequence[ScoredFamily]) -> list[Fa
     ranked = sorted(fits[1:], key=lambda fit: fit.square)
     limit = (1.0 + LARGEST_LOSS) ** 2 * ranked[0].square
     formulas = [family for family in ranked if family.square <= limit and family.family is not FREE]
-    formulas.sort(key=lambda one: one.scored.fitted.cross_validated_square)
+    formulas.sort(key=lambda one: one.scored.square)
     chosen = [*formulas[:1], *(family for family in ranked[:1] if family not in formulas[:1])]
 
     def most_effects(scored: ScoredFamily) -> int | None:
@@ -121,7 +121,7 @@ def choose_families(findings: Findings, fits: Sequence[ScoredFamily]) -> list[Fa
         replaces = fewer > 0 or scored.scored.rmse <= (1.0 + NEARLY_AS_GOOD) * best.rmse
         return fewer if replaces and _is_worth(plain, scored.scored) else None
 
-    choices = ((family.scored.fitted.model.curves, most_effects(family)) for family in chosen)
+    choices = ((family.scored.model.curves, most_effects(family)) for family in chosen)
     return [FamilyChoice(curves, most) for curves, most in choices if most is not None]
 
 
@@ -135,8 +135,8 @@ def drop_doubtful_effects(shaped: Findings) -> Findings:
     best, plain = shaped.selection.best, shaped.selection.plain
     worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * plain.rmse
     # Where the curve is steep, the RMSE is that of the slip's noise: whoever averages it gains.
-    square = plain.fitted.cross_validated_square
-    worth &= best.fitted.cross_validated_square < (1.0 - BESIDE_SHAPE) * square
+    square = plain.square
+    worth &= best.square < (1.0 - BESIDE_SHAPE) * square
     if worth and all(shaped.p_value(c) <= shaped.alpha for c in best.candidates):
         return shaped
     return shaped.with_best(plain)
@@ -150,14 +150,14 @@ def judge_shape(findings: Findings, shaped: Findings) -> ShapeFinding | None:
         shaped: Findings with the curve of another family.
 
     """
-    regression, best = shaped.prepared.regression, shaped.selection.best
-    plain = _fit(regression, findings.selection.plain.fitted.model)
+    regression, best = shaped.regression, shaped.selection.best
+    plain = _fit(regression, findings.selection.plain.model)
     burckhardt = plain
     if findings.selection.best.candidates:
-        burckhardt = _fit(regression, findings.selection.best.fitted.model)
+        burckhardt = _fit(regression, findings.selection.best.model)
     same = plain
     if best.candidates:
-        same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
+        same = _fit(regression, replace(best.model, curves=plain.model.curves))
     if not _is_worth(same, best) or _leaves_slip(findings, shaped):
         return None
     if not _shows_in_adhesion(regression, same, best) or _is_of_no_contact(regression, best):
@@ -171,20 +171,20 @@ def judge_shape(findings: Findings, shaped: Findings) -> ShapeFinding | None:
     if not preferred:
         return None
     p_value = min(1.0, tested * gain_p_value(same.fitted, best.fitted))
-    family = best.fitted.model.curves.family
+    family = best.model.curves.family
     return ShapeFinding(family, plain, same, p_value, _find_rivals(shaped, burckhardt, best))
 
 
 def _fit(regression: WhitenedRegression, model: Model) -> ScoredModel:
-    return score_model(regression, fit_model(regression, model, FIRST_ITERATIONS))
+    return fit_and_score(regression, model, FIRST_ITERATIONS)
 
 
 def _is_worth(small: ScoredModel, large: ScoredModel) -> bool:
     """Whether a gain is large enough to matter, significant or not."""
-    square = small.fitted.cross_validated_square
+    square = small.square
     return (
         large.rmse < (1.0 - LEAST_GAIN) * small.rmse
-        and large.fitted.cross_validated_square < (1.0 - LEAST_WHITENED_GAIN) * square
+        and large.square < (1.0 - LEAST_WHITENED_GAIN) * square
     )
 
 
@@ -198,7 +198,7 @@ def _shows_in_adhesion(
     of the efforts explains what Burckhardt's curve leaves.
     """
     left, still_left = (
-        compare_where_effort_is_noisy(regression, scored.fitted.model) for scored in (small, large)
+        compare_where_effort_is_noisy(regression, scored.model) for scored in (small, large)
     )
     if left is not None and still_left is not None:
         return left > ABOVE_NOISE and still_left < (1.0 - LEAST_GAIN) * left
@@ -209,7 +209,7 @@ def _shows_in_adhesion(
     if not rows.any():
         return False
     before, after = (
-        float(np.sqrt(np.mean(regression.residual(scored.fitted.model)[rows] ** 2)))
+        float(np.sqrt(np.mean(regression.residual(scored.model)[rows] ** 2)))
         for scored in (small, large)
     )
     return after < (1.0 - LEAST_GAIN) * before
@@ -220,7 +220,7 @@ def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bo
 
     A friction brake whose force is not measured, or a slip of bends, makes such a peak.
     """
-    data, model = regression.data, scored.fitted.model
+    data, model = regression.data, scored.model
     evaluation = evaluate_model(data, model.curves, model.active_effects)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     aligned = np.sign(evaluation.slip) * (evaluation.predicted + evaluation.residual)
@@ -274,7 +274,7 @@ def _find_rivals(shaped: Findings, burckhardt: ScoredModel, best: ScoredModel) -
     rivals: set[str] = set()
     if burckhardt.candidates and not is_worse(best, burckhardt):
         rivals |= burckhardt.ids - best.ids
-    drives = shaped.prepared.regression.data.drives
+    drives = shaped.regression.data.drives
     if FALLING_FRICTION not in best.ids and is_at_one_speed(drives):
         rivals.add(FALLING_FRICTION)
     return tuple(sorted(rivals))

@@ -11,7 +11,10 @@ import numpy as np
 
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.imitations import imitates_load
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
+from adhesion_can.diagnosis.inference.model_comparison import (
+    ScoredModel,
+    fit_and_score,
+)
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
@@ -36,13 +39,13 @@ def find_equivalent_effects(findings: Findings, candidate: Candidate) -> tuple[s
     alike = list(_find_alike(findings, candidate))
     if not alike and candidate.effect.id != LOAD_DEPENDENCE:
         return ()
-    regression, best = findings.prepared.regression, findings.selection.best
+    regression, best = findings.regression, findings.selection.best
     place = best.candidates.index(candidate)
-    smaller = fit_model(regression, remove_effect(best.fitted.model, place)[0])
+    smaller = fit_model(regression, remove_effect(best.model, place)[0])
     square = smaller.cross_validated_square
-    explained = square - best.fitted.cross_validated_square
+    explained = square - best.square
     fits = (
-        score_model(regression, fit_model(regression, proposal.model))
+        fit_and_score(regression, proposal.model)
         for proposal in propose_effects(regression, smaller.model, alike)
     )
     equal = {_id_of_last(fit) for fit in fits if _is_equal(fit, square, explained)}
@@ -69,5 +72,5 @@ def _id_of_last(scored: ScoredModel) -> str:
 
 def _is_equal(scored: ScoredModel, square: float, explained: float) -> bool:
     """Whether a plausible model explains as much as the named effect does."""
-    gain = square - scored.fitted.cross_validated_square
+    gain = square - scored.square
     return scored.is_plausible and gain >= EQUAL_GAIN * explained

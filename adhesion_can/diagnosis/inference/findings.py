@@ -12,7 +12,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChan
 from adhesion_can.diagnosis.inference.model_comparison import (
     SECOND_LEAST_GAIN,
     ScoredModel,
-    score_model,
+    fit_and_score,
 )
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.inference.sensor_noise import (
@@ -32,7 +32,7 @@ from adhesion_can.diagnosis.regression.model import (
     remove_effect,
 )
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
-from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
 
 NOISELESS = 1e-6
 """RMSE of the adhesion below which there is nothing to explain, since no sensor is that good."""
@@ -84,6 +84,11 @@ class Findings:
     sizes_by_environment: Mapping[Candidate, tuple[SizesByEnvironment, ...]] = field(
         default_factory=dict
     )
+
+    @property
+    def regression(self) -> WhitenedRegression:
+        """Rows with weights, filter and blocks."""
+        return self.prepared.regression
 
     @property
     def baseline(self) -> ScoredModel:
@@ -150,14 +155,14 @@ class Findings:
 
     def without_effect(self, place: int) -> "Findings":
         """The findings without one effect of the selected model, the others fitted again."""
-        best, regression = self.selection.best, self.prepared.regression
+        best, regression = self.selection.best, self.regression
         rest = (*best.candidates[:place], *best.candidates[place + 1 :])
-        smaller = remove_effect(best.fitted.model, place)[0]
-        without = score_model(regression, fit_model(regression, smaller))
+        smaller = remove_effect(best.model, place)[0]
+        without = fit_and_score(regression, smaller)
         # The fit of the search may be better, or at a minimum that the model has left since.
         known = self.fitted_with(rest)
         if known is not None:
-            without = min(known, without, key=lambda model: model.fitted.cross_validated_square)
+            without = min(known, without, key=lambda model: model.square)
         return self.with_best(without)
 
     def with_best(self, best: ScoredModel) -> "Findings":
@@ -194,8 +199,8 @@ class Findings:
     @cached_property
     def noise(self) -> NoiseComparison:
         """The noise floor beside the noise of the sensors."""
-        model = self.selection.best.fitted.model
-        return compare_with_sensors(self.prepared.regression, model, self._noise)
+        model = self.selection.best.model
+        return compare_with_sensors(self.regression, model, self._noise)
 
     @cached_property
     def noise_floor(self) -> float:
@@ -205,7 +210,7 @@ class Findings:
     @cached_property
     def _noise(self) -> Array:
         """What the selected effects and all channels leave of the adhesion, bias-corrected."""
-        regression, best = self.prepared.regression, self.selection.best.fitted.model
+        regression, best = self.regression, self.selection.best.model
         data, used = regression.data, regression.used
         effects = best.active_effects
         corrected = regression.evaluate_corrected(best)

@@ -7,16 +7,16 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_WHITENED_GAIN,
     LEVEL,
     ScoredModel,
+    fit_and_score,
     gain_p_value,
     is_improvement,
-    score_model,
 )
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.inference.race_models import PARTNERS, race
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
-from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 MOST_CHANNELS = 2
@@ -36,7 +36,7 @@ def with_further_channels(
         channels = [c for c in candidates if c.effect.id.startswith(PREFIX) and best.admits(c)]
         if not channels or not best.candidates:
             break
-        proposals = propose_effects(regression, best.fitted.model, channels)[:PARTNERS]
+        proposals = propose_effects(regression, best.model, channels)[:PARTNERS]
         fits = race(
             regression, [proposal for proposal in proposals if proposal.gain > LEAST_WHITENED_GAIN]
         )
@@ -73,7 +73,7 @@ def drop_needless(
         ]
         if not needless:
             return best, smaller
-        least = min(needless, key=lambda one: one.fitted.cross_validated_square)
+        least = min(needless, key=lambda one: one.square)
         # What was tested beside a needless effect holds without it.
         by_signs = best.sign_flips.get(frozenset(best.candidates) - {last}, 1.0)
         best = replace(least, sign_flips={frozenset(least.candidates) - {last}: by_signs})
@@ -82,5 +82,5 @@ def drop_needless(
 
 def _fit_smaller(regression: WhitenedRegression, best: ScoredModel) -> tuple[ScoredModel, ...]:
     """Models with one effect less."""
-    models = (remove_effect(best.fitted.model, k)[0] for k in range(len(best.candidates)))
-    return tuple(score_model(regression, fit_model(regression, model)) for model in models)
+    models = (remove_effect(best.model, k)[0] for k in range(len(best.candidates)))
+    return tuple(fit_and_score(regression, model) for model in models)

@@ -26,10 +26,10 @@ def explains_without_changes(changing: Findings, steady: Findings) -> bool:
         return False
     if other.rmse <= (1.0 + LARGEST_LOSS) * best.rmse:
         return True
-    regression = changing.prepared.regression
+    regression = changing.regression
     merged = replace(regression, data=merge_surfaces(regression.data))
-    refitted = fit_model(merged, other.fitted.model)
-    return refitted.cross_validated_square <= best.fitted.cross_validated_square
+    refitted = fit_model(merged, other.model)
+    return refitted.cross_validated_square <= best.square
 
 
 def merge_surfaces(data: RegressionData) -> RegressionData:

@@ -13,7 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
+from adhesion_can.diagnosis.inference.model_comparison import (
+    ScoredModel,
+    fit_and_score,
+)
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
@@ -85,7 +88,7 @@ def averages_noise(
         lags: Lags and delays among its effects.
 
     """
-    model = best.fitted.model
+    model = best.model
     smaller, backward = model, model
     for lag in lags:
         smaller, _, values = remove_effect(smaller, smaller.candidates.index(lag))
@@ -98,10 +101,10 @@ def averages_noise(
             turned = lag.active(tuple(-value for value in values))
         backward = replace(backward, fixed=(*backward.fixed, turned))
     # From where the model stood: a fit of its own may have been given up early.
-    without = score_model(regression, fit_model(regression, smaller))
+    without = fit_and_score(regression, smaller)
     squares = (
-        without.fitted.cross_validated_square,
-        best.fitted.cross_validated_square,
+        without.square,
+        best.square,
         fit_model(regression, backward).cross_validated_square,
     )
     before, forward, back = squares
@@ -121,7 +124,7 @@ def without_short_delay(
         lags: Lags and delays among its effects.
 
     """
-    model = best.fitted.model
+    model = best.model
     std = np.sqrt(best.fitted.covariance.diagonal())
     least = LEAST_DELAY * max(drive.kinematics.cycle_s for drive in regression.data.drives)
     places = [model.candidates.index(lag) for lag in lags if not acts_in_contact(lag.effect)]
@@ -134,4 +137,4 @@ def without_short_delay(
     if not short:
         return None
     smaller, _, _ = remove_effect(model, min(short, key=lambda place: sizes[place]))
-    return score_model(regression, fit_model(regression, smaller))
+    return fit_and_score(regression, smaller)

@@ -8,8 +8,7 @@ decide is used, and a rival that is significantly worse is dropped.
 from dataclasses import replace
 
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, is_worse, score_model
-from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score, is_worse
 
 
 def part_rivals(findings: Findings) -> Findings:
@@ -19,13 +18,13 @@ def part_rivals(findings: Findings) -> Findings:
         findings: Findings of steps 2 to 6; of a single drive they stay as they are.
 
     """
-    regression, selection = findings.prepared.regression, findings.selection
+    regression, selection = findings.regression, findings.selection
     rivals = (selection.best, *selection.indistinguishable)
     if len(regression.data.drives) < 2 or len(rivals) < 2 or not selection.best.candidates:
         return findings
     everything = regression.last_fit
-    fits = [score_model(everything, fit_model(everything, rival.fitted.model)) for rival in rivals]
-    place = min(range(len(fits)), key=lambda k: fits[k].fitted.cross_validated_square)
+    fits = [fit_and_score(everything, rival.model) for rival in rivals]
+    place = min(range(len(fits)), key=lambda k: fits[k].square)
     left: list[ScoredModel] = [
         one
         for k, (one, fit) in enumerate(zip(rivals, fits, strict=True))

@@ -98,7 +98,7 @@ def _is_possible(channel: Channel, findings: Findings) -> bool:
 
     A load that was computed from efforts and geometry is no measurement.
     """
-    drives = findings.prepared.regression.data.drives
+    drives = findings.regression.data.drives
     if channel.name == LOAD and not all(drive.has_load for drive in drives):
         return False
     if channel.kind is not ChannelKind.FACTOR or channel.period or channel.levels is not None:
@@ -111,7 +111,7 @@ def _is_possible(channel: Channel, findings: Findings) -> bool:
 
 def _possible_channels(findings: Findings) -> dict[str, FormulaChannel]:
     """Channels on which a formula may depend, by their names in reports."""
-    regression, best = findings.prepared.regression, findings.selection.best.fitted.model
+    regression, best = findings.regression, findings.selection.best.model
     channels = build_channels(regression.data, regression.evaluate_corrected(best))
     return {
         channel.name: FormulaChannel(model_channel(channel.name), channel.unit, channel.values)
@@ -165,7 +165,7 @@ def _with_chosen(
     tested = len(findings.prepared.candidates) + fitted
     if not is_improvement(rest, chosen, tested):
         return None
-    best, smaller = drop_needless(findings.prepared.regression, chosen, tested)
+    best, smaller = drop_needless(findings.regression, chosen, tested)
     known = findings.selection.all_rivals()
     # A formula in the place of a straight line has the line's rivals.
     known[FORMULA] = known.pop(PREFIX + channel, ())
@@ -185,13 +185,13 @@ def _fit_formulas(
     findings: Findings, channel: str, channels: Mapping[str, FormulaChannel], rest: ScoredModel
 ) -> list[ScoredModel]:
     """Fitted models with one formula each beside other effects, the most promising of each form."""
-    regression = findings.prepared.regression
+    regression = findings.regression
     sequence = not any(drive.independent for drive in regression.data.drives)
     others = [one for name, one in channels.items() if name != channel]
     candidates = build_formulas(channels[channel], others, sequence=sequence)
     forms: dict[str, int] = {}
     fits = []
-    for proposal in propose_effects(regression, rest.fitted.model, candidates):
+    for proposal in propose_effects(regression, rest.model, candidates):
         form = proposal.model.candidates[-1].effect.form
         if proposal.gain <= 0.0 or forms.get(form, 0) == MOST_FITS:
             continue
@@ -210,7 +210,7 @@ def _choose(fits: Sequence[ScoredModel]) -> tuple[ScoredModel | None, list[Score
     """
     if not fits:
         return None, []
-    ranked = sorted(fits, key=lambda fit: fit.fitted.cross_validated_square)
+    ranked = sorted(fits, key=lambda fit: fit.square)
     best = ranked[0]
     equal = [model for model in ranked if model is best or not _is_beaten(model, best, len(fits))]
     # Of those with as few constants a straight line is the simplest.
@@ -223,8 +223,8 @@ def _choose(fits: Sequence[ScoredModel]) -> tuple[ScoredModel | None, list[Score
 
 def _is_beaten(scored: ScoredModel, best: ScoredModel, tested: int) -> bool:
     """Whether the best formula is better by more than chance allows, so many counted."""
-    square = best.fitted.cross_validated_square
-    if scored.fitted.cross_validated_square <= (1.0 + INDISTINGUISHABLE_SHARE) * square:
+    square = best.square
+    if scored.square <= (1.0 + INDISTINGUISHABLE_SHARE) * square:
         return False
     return gain_p_value(scored.fitted, best.fitted) * tested <= LEVEL
 
@@ -253,7 +253,7 @@ def _is_straight(scored: ScoredModel) -> bool:
 def _text(scored: ScoredModel) -> str:
     """A fitted formula as text, its constants in it."""
     candidate: Candidate = scored.candidates[-1]
-    model = scored.fitted.model
+    model = scored.model
     values = model.values[-1]
     named = zip(candidate.free_parameters, values, strict=True)
     constants = ", ".join(f"{p.name} = {np.format_float_positional(v, 3, fractional=False)}"

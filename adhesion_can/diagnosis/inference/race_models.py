@@ -7,6 +7,7 @@ from math import inf
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_WHITENED_GAIN,
     ScoredModel,
+    fit_and_score,
     score_model,
 )
 from adhesion_can.diagnosis.inference.propose_effects import EffectProposal, propose_effects
@@ -56,10 +57,10 @@ def fit_pairs(
     ranked: list[tuple[float, EffectProposal]] = []
     for single in singles[:PAIRED_SINGLES]:
         others = [c for c in candidates if single.admits(c)]
-        gain_of_single = 1.0 - single.fitted.cross_validated_square / plain_square
+        gain_of_single = 1.0 - single.square / plain_square
         ranked += [
             (gain_of_single + proposal.gain * (1.0 - gain_of_single), proposal)
-            for proposal in propose_effects(regression, single.fitted.model, others)[:PARTNERS]
+            for proposal in propose_effects(regression, single.model, others)[:PARTNERS]
             if proposal.gain > LEAST_WHITENED_GAIN
         ]
     ranked.sort(key=lambda pair: -pair[0])
@@ -94,7 +95,7 @@ def fit_members(
     if not missing:
         return []
     return [
-        score_model(regression, fit_model(regression, proposal.model))
+        fit_and_score(regression, proposal.model)
         for proposal in propose_effects(regression, plain.model, missing)
     ]
 
@@ -113,4 +114,4 @@ def race(regression: WhitenedRegression, proposals: Sequence[EffectProposal]) ->
         fitted = fit_model(regression, proposal.model, hopeless=FAR_BEHIND * best)
         best = min(best, fitted.grams.square)
         fits.append(score_model(regression, fitted, proposal.sign_flips))
-    return sorted(fits, key=lambda fit: fit.fitted.cross_validated_square)
+    return sorted(fits, key=lambda fit: fit.square)

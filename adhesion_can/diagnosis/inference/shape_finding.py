@@ -26,7 +26,7 @@ class ScoredFamily:
     def square(self) -> float:
         """Cross-validated whitened square, the smaller one of both fits."""
         both = (self.scored, self.extended)
-        return min(scored.fitted.cross_validated_square for scored in both)
+        return min(scored.square for scored in both)
 
     @property
     def held_out_rmse(self) -> float:

@@ -56,7 +56,7 @@ def _select_winner(findings: Findings, remaining: RemainingExplanations) -> Find
     winner = remaining.winner
     if winner is None or winner.model.curves.family is not BURCKHARDT:
         return None
-    regression, selection = findings.prepared.regression, findings.selection
+    regression, selection = findings.regression, findings.selection
     best = score_model(regression, fit_to_drives(regression, findings.prepared, winner.model))
     p_value = remaining.p_value
     return replace(

@@ -72,7 +72,7 @@ def compute_next_drive(
         rivals: Ids of the rivals of the named effects.
 
     """
-    regression = findings.prepared.regression.last_fit
+    regression = findings.regression.last_fit
     fitted = findings.selection.best.fitted
     setting = build_drive_setting(regression, fitted, findings.block_length_s)
     if setting is None:

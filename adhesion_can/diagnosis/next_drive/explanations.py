@@ -9,8 +9,8 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     ScoredModel,
+    fit_and_score,
     is_worse,
-    score_model,
 )
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.inference.shape_finding import ShapeFinding
@@ -71,32 +71,28 @@ def build_explanations(
         others: Further models that are to be distinguished, such as refuted ones that help.
 
     """
-    regression = findings.prepared.regression.last_fit
+    regression = findings.regression.last_fit
     selection = findings.selection
     if selection.best.candidates or findings.shape is not None:
         known = [selection.best, *selection.indistinguishable]
     else:
         known = [single for single in selection.singles if _gains(single, selection.plain)]
-    models = [
-        known_model.fitted.model
-        for known_model in known
-        if not _is_at_bound(known_model.fitted.model)
-    ]
+    models = [known_model.model for known_model in known if not _is_at_bound(known_model.model)]
     if findings.shape is not None:
         models += _rivals_of_shape(regression, findings.shape, findings.prepared.candidates)
-    scored = _without_duplicates(_refit(regression, model) for model in (*models, *others))
+    scored = _without_duplicates(fit_and_score(regression, model) for model in (*models, *others))
     if scored:
-        best = min(scored, key=lambda scored_model: scored_model.fitted.cross_validated_square)
+        best = min(scored, key=lambda scored_model: scored_model.square)
         scored = [
             scored_model
             for scored_model in scored
             if scored_model is best or not is_worse(best, scored_model)
         ]
     # A rival has been called indistinguishable: no test of the blocks takes that back.
-    named = (_refit(regression, model) for model in _models_of_rivals(findings, rivals))
+    named = (fit_and_score(regression, model) for model in _models_of_rivals(findings, rivals))
     scored = _without_duplicates([*scored, *named])[:MOST_EXPLANATIONS]
     if not is_confirmed and scored:
-        plain = _refit(regression, findings.baseline.fitted.model)
+        plain = fit_and_score(regression, findings.baseline.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
     surface = _largest_surface(regression)
     return tuple(_explain(scored_model.fitted, surface) for scored_model in scored)
@@ -114,14 +110,14 @@ def _is_at_bound(model: Model) -> bool:
 
 def _gains(scored: ScoredModel, plain: ScoredModel) -> bool:
     """Whether a model predicts better than the plain one at all."""
-    return scored.fitted.cross_validated_square < plain.fitted.cross_validated_square
+    return scored.square < plain.square
 
 
 def _rivals_of_shape(
     regression: WhitenedRegression, shape: ShapeFinding, candidates: Sequence[Candidate]
 ) -> list[Model]:
     """Models on Burckhardt's curve that the data cannot separate from another shape."""
-    start = shape.burckhardt.fitted.model
+    start = shape.burckhardt.model
     found: list[Model] = []
     for rival in shape.rivals:
         own = [candidate for candidate in candidates if candidate.effect.id == rival]
@@ -134,7 +130,7 @@ def _models_of_rivals(
     findings: Findings, rivals: Mapping[Candidate, Sequence[str]]
 ) -> Iterator[Model]:
     """The selected model with a named effect replaced by each of its rivals, where that fits."""
-    regression, best = findings.prepared.regression.last_fit, findings.selection.best.fitted.model
+    regression, best = findings.regression.last_fit, findings.selection.best.model
     fitted = fit_model(regression, best)
     for candidate, ids in rivals.items():
         if candidate not in best.candidates:
@@ -154,16 +150,12 @@ def _models_of_rivals(
                     yield model.model
 
 
-def _refit(regression: WhitenedRegression, model: Model) -> ScoredModel:
-    return score_model(regression, fit_model(regression, model))
-
-
 def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
     """The best model of each set of effects, best first: forms are no explanations of their own."""
     best: dict[tuple[str, tuple[tuple[str, int], ...]], ScoredModel] = {}
-    for one in sorted(models, key=lambda model: model.fitted.cross_validated_square):
+    for one in sorted(models, key=lambda model: model.square):
         effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
-        best.setdefault((one.fitted.model.curves.family.name, effects), one)
+        best.setdefault((one.model.curves.family.name, effects), one)
     return list(best.values())
 
 

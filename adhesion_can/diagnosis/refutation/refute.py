@@ -99,8 +99,8 @@ def drop_refuted(findings: Findings) -> Findings:
     """The findings without the causes that are refuted, which are kept with their reasons."""
     if not findings.selection.best.candidates:
         return findings
-    regression = findings.prepared.regression.last_fit
-    fitted = fit_model(regression, findings.selection.best.fitted.model)
+    regression = findings.regression.last_fit
+    fitted = fit_model(regression, findings.selection.best.model)
     model = fitted.model
     trials = _try_all(regression, model)
     worst = max(trials, key=lambda trial: trial.badness)
@@ -158,9 +158,9 @@ def refute_shape(shaped: Findings) -> RefutedCause | None:
     """
     if shaped.shape is None:
         return None
-    regression = shaped.prepared.regression.last_fit
-    fitted = fit_model(regression, shaped.selection.best.fitted.model)
-    without = fit_model(regression, shaped.shape.same.fitted.model).model
+    regression = shaped.regression.last_fit
+    fitted = fit_model(regression, shaped.selection.best.model)
+    without = fit_model(regression, shaped.shape.same.model).model
     left = compute_variance_left(regression, fitted.model, without)
     if left.refutes:
         reason = _describe_left(left.share)
@@ -187,15 +187,15 @@ def refute_by_witness(findings: Findings, plain_found: Findings, witness: Witnes
         f"with it the service still doubts its model {100 * witness.doubt_after:.0f} % of the "
         f"time ({100 * witness.doubt_before:.0f} % without it); a true cause removes the doubt"
     )
-    regression = findings.prepared.regression.last_fit
-    fitted = fit_model(regression, findings.selection.best.fitted.model)
+    regression = findings.regression.last_fit
+    fitted = fit_model(regression, findings.selection.best.model)
     without = [
         fit_model(regression, remove_effect(fitted.model, place)[0]).model
         for place in range(len(fitted.model.candidates))
     ]
     refuted = _refute_all(findings, fitted, without, reason).refuted
     if findings.shape is not None:
-        same = fit_model(regression, findings.shape.same.fitted.model).model
+        same = fit_model(regression, findings.shape.same.model).model
         family = findings.shape.family.name
         refuted = (*refuted, RefutedCause(CURVE_SHAPE, family, None, fitted, same, reason))
     return replace(plain_found.with_best(plain_found.selection.plain), refuted=refuted)
@@ -236,14 +236,14 @@ def add_implausible_effects(findings: Findings) -> Findings:
 
     Nothing else is put silently in their place: they are refuted causes with that reason.
     """
-    regression = findings.prepared.regression.last_fit
-    plain = fit_model(regression, findings.selection.plain.fitted.model).model
+    regression = findings.regression.last_fit
+    plain = fit_model(regression, findings.selection.plain.model).model
     refuted = [
         RefutedCause(
             scored.candidates[0].effect.id,
             scored.candidates[0].effect.form,
             0,
-            fit_model(regression, without_bounds(scored.fitted.model)),
+            fit_model(regression, without_bounds(scored.model)),
             plain,
             _describe_implausible(scored),
         )
