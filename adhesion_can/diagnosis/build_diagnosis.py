@@ -30,11 +30,7 @@ from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed,
 from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
-from adhesion_can.diagnosis.plot_data import (
-    build_plots,
-    build_profile,
-    find_plotted_channel,
-)
+from adhesion_can.diagnosis.plot_data import build_plots, build_profile, find_plotted_channel
 from adhesion_can.diagnosis.plot_result import Profile
 from adhesion_can.diagnosis.refutation_result import build_closest, build_environments
 from adhesion_can.diagnosis.regression.candidate import Candidate
@@ -170,8 +166,8 @@ def _build_noise(findings: Findings) -> NoiseResult:
 def _measure_on_held_out(findings: Findings, gain: Gain, model: ExtendedModel) -> Gain:
     """The gain on whole drives as `evaluate` measures it: refitted, and as written."""
     regression = findings.regression
-    ends = np.cumsum([len(drive) for drive in regression.data.drives])[:-1]
-    held = np.array([bool((own < 0).all()) for own in np.split(regression.block, ends)])
+    blocks = regression.data.split(regression.block)
+    held = np.array([bool((block < 0).all()) for block in blocks])
     part = evaluate_held_out(regression.data, held, model)
     if gain.method is not GainMethod.PLAIN:
         return replace(gain, as_written=part.as_written)

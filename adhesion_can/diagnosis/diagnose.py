@@ -25,11 +25,7 @@ from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drives
 from adhesion_can.diagnosis.evidence import Untested
-from adhesion_can.diagnosis.inference.candidates import (
-    build_candidates,
-    describe_insufficient_data,
-    find_untestable,
-)
+from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.inference.compute_effect_grams import compute_effect_grams
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import (
     ConfirmedFindings,
@@ -48,6 +44,10 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
     find_residual_channels,
 )
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
+from adhesion_can.diagnosis.inference.insufficient_data import (
+    describe_insufficient_data,
+    find_untestable,
+)
 from adhesion_can.diagnosis.inference.judge_surface_changes import explains_without_changes
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
@@ -62,10 +62,7 @@ from adhesion_can.diagnosis.inference.split_hold_out import (
 from adhesion_can.diagnosis.next_drive.apply_remaining import apply_remaining
 from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
 from adhesion_can.diagnosis.next_drive.explanations import build_explanations
-from adhesion_can.diagnosis.next_drive.remaining import (
-    RemainingExplanations,
-    find_remaining,
-)
+from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations, find_remaining
 from adhesion_can.diagnosis.refutation.refute import refute_by_witness, refute_shape
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import (

@@ -24,12 +24,7 @@ from adhesion_can.diagnosis.regression.find_surface_changes import (
     find_surface_changes,
     fit_start_curves,
 )
-from adhesion_can.diagnosis.regression.model import (
-    EXCLUDED,
-    Model,
-    RegressionData,
-    evaluate_model,
-)
+from adhesion_can.diagnosis.regression.model import EXCLUDED, Model, RegressionData, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import (
     choose_block_length,
     prepare_regression,
@@ -154,20 +149,28 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
     candidates, _ = build_candidates(used)
     data = build_regression_data(thin, [find_surface_changes(drive, candidates) for drive in thin])
     residuals = compute_residuals(data, model)
-    clock = np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in thin])
-    number = np.repeat(np.arange(len(thin)), [len(drive) for drive in thin])
+    clock = _clock(data)
     recordings, surfaces = [], []
     for place, drive in enumerate(thin):
-        rows = residuals.used & (number == place)
+        rows = residuals.used & (data.drive_number == place)
         recordings.append(_part(residuals, rows, clock, drive.name))
         surfaces += [
             _part(residuals, rows & (data.surface == number_of_surface), clock, drive.name)
             for number_of_surface in np.unique(data.surface[rows])
         ]
-    if len(thin) >= LEAST_RECORDINGS:
-        residuals = replace(residuals, unit=number)
-    total = _part(residuals, residuals.used, clock, "")
-    return Evaluation(total, tuple(recordings), tuple(surfaces), left_out)
+    return Evaluation(_total(data, residuals), tuple(recordings), tuple(surfaces), left_out)
+
+
+def _clock(data: RegressionData) -> Array:
+    """Time of each row on the clock of its recording, s; shape (n,)."""
+    return np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in data.drives])
+
+
+def _total(data: RegressionData, residuals: ModelResiduals) -> PartEvaluation:
+    """Figures of all rows; the units are recordings where there are some."""
+    if len(data.drives) >= LEAST_RECORDINGS:
+        residuals = replace(residuals, unit=data.drive_number)
+    return _part(residuals, residuals.used, _clock(data), "")
 
 
 def _with_values(
@@ -187,8 +190,7 @@ def _with_values(
             f"its effects have no finite value in any of {len(finite)} rows",
             "correct the formula, or remove it from the model",
         )
-    ends = np.cumsum([len(drive) for drive in drives])[:-1]
-    parts = zip(drives, np.split(finite, ends), strict=True)
+    parts = zip(drives, data.split(finite), strict=True)
     kept = (drive.select_rows(rows) for drive, rows in parts)
     return tuple(drive for drive in kept if len(drive)), int((~finite).sum())
 
@@ -204,17 +206,12 @@ def evaluate_held_out(
         model: Extended model.
 
     """
-    lengths = [len(drive) for drive in data.drives]
-    surface = data.surface[np.repeat(held, lengths)]
+    surface = data.surface[held[data.drive_number]]
     known = np.unique(surface[surface != EXCLUDED])
     numbered = np.where(surface == EXCLUDED, EXCLUDED, np.searchsorted(known, surface))
     drives = tuple(drive for drive, out in zip(data.drives, held, strict=True) if out)
-    residuals = compute_residuals(RegressionData(drives, numbered, len(known)), model)
-    if len(drives) >= LEAST_RECORDINGS:
-        number = np.repeat(np.arange(len(drives)), [len(drive) for drive in drives])
-        residuals = replace(residuals, unit=number)
-    clock = np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in drives])
-    return _part(residuals, residuals.used, clock, "")
+    held_data = RegressionData(drives, numbered, len(known))
+    return _total(held_data, compute_residuals(held_data, model))
 
 
 def compute_residuals(data: RegressionData, model: ExtendedModel) -> ModelResiduals:

@@ -217,9 +217,7 @@ def build_extended_model(
     return ExtendedModel(
         base=(c1, c2, c3),
         base_covariance=covariance,
-        effects=tuple(
-            c.active(values) for c, values in zip(model.candidates, model.values, strict=True)
-        ),
+        effects=tuple(candidate.active(values) for candidate, values in model.estimates),
         covariances=_effect_covariances(fitted),
         splines=() if spline is None else (spline,),
         curve=curve,

@@ -74,7 +74,7 @@ def fit_other_forms(regression: WhitenedRegression, fitted: FittedModel) -> tupl
         if family is POLACH and model.curves.family is POLACH:
             continue
         other = Model(fit_family_curves(regression.data, family), fixed=model.fixed)
-        for candidate, values in zip(model.candidates, model.values, strict=True):
+        for candidate, values in model.estimates:
             if candidate.effect.id != FALLING_FRICTION:
                 other = other.with_effect(candidate, values)
         if family is FREE and all(drive.has_speed for drive in regression.data.drives):

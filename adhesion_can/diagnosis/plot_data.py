@@ -52,13 +52,10 @@ def find_plotted_channel(
 
 def _build_derived_channel(data: RegressionData, name: str) -> Channel | None:
     """A channel that is plotted and never tested; None where there is none of that name."""
-    observed = [drive.observe() for drive in data.drives]
     if name == "creep_speed":
-        values = np.abs(np.concatenate([readings.creep_speed for readings in observed]))
-        return Channel(name, ChannelKind.FACTOR, values)
+        return Channel(name, ChannelKind.FACTOR, np.abs(data.observed("creep_speed")))
     if name == "signed_slip":
-        values = np.concatenate([readings.slip for readings in observed])
-        return Channel(name, ChannelKind.OFFSET, values)
+        return Channel(name, ChannelKind.OFFSET, data.observed("slip"))
     return None
 
 

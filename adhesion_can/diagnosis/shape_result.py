@@ -35,11 +35,7 @@ def find_conditions(data: RegressionData, surface: int) -> Conditions:
     """Mean speed and load of the rows of one surface; the load is NaN where it is not known."""
     rows = data.surface == surface
     rows = rows if rows.any() else np.ones(len(data), dtype=np.bool_)
-    observed = [drive.observe() for drive in data.drives]
-    speed, load = (
-        float(np.concatenate([getattr(readings, name) for readings in observed])[rows].mean())
-        for name in ("speed", "load")
-    )
+    speed, load = (float(data.observed(name)[rows].mean()) for name in ("speed", "load"))
     known = all(drive.has_load for drive in data.drives)
     return Conditions(speed, load if known else np.nan)
 
@@ -183,9 +179,8 @@ def build_family_results(findings: Findings, surface: int) -> tuple[FamilyResult
     """
     data = findings.regression.data
     conditions = find_conditions(data, surface)
-    observed = np.concatenate([drive.observe().slip for drive in data.drives])
-    own = np.abs(observed[data.surface == surface])
-    slip = np.linspace(0.0, float(own.max(initial=0.0)) or 0.2, POINTS)
+    reached = np.abs(data.observed("slip")[data.surface == surface]).max(initial=0.0)
+    slip = np.linspace(0.0, float(reached) or 0.2, POINTS)
     chosen = findings.selection.best.model.curves.family.name
     return tuple(
         _build_family_result(scored, surface, conditions, slip, chosen=scored.family.name == chosen)

@@ -11,12 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.effect_grams import (
-    EffectGrams,
-    EffectKey,
-    SizeEstimate,
-    project_grams,
-)
+from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey, SizeEstimate, project_grams
 from adhesion_can.diagnosis.inference.candidates import UNTESTABLE_SHARE
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations

@@ -48,9 +48,7 @@ def with_delay_for_lag(
 
     """
     model, square = best.model, best.square
-    speed = float(
-        np.median(np.concatenate([drive.observe().speed for drive in regression.data.drives]))
-    )
+    speed = float(np.median(regression.data.observed("speed")))
     for place, lag in enumerate(model.candidates):
         if not (lag.is_lag and acts_in_contact(lag.effect)):
             continue

@@ -11,10 +11,7 @@ import numpy as np
 
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.imitations import imitates_load
-from adhesion_can.diagnosis.inference.model_comparison import (
-    ScoredModel,
-    fit_and_score,
-)
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect

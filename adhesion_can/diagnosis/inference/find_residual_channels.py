@@ -14,11 +14,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.detect_effects import detect_groups
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind, build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import (
-    EvaluatedModel,
-    Model,
-    compute_curve_jacobian,
-)
+from adhesion_can.diagnosis.regression.model import EvaluatedModel, Model, compute_curve_jacobian
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
 
 WAVES_M = np.geomspace(6.0, 300.0, 500)

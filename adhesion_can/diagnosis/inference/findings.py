@@ -15,10 +15,7 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     fit_and_score,
 )
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
-from adhesion_can.diagnosis.inference.sensor_noise import (
-    NoiseComparison,
-    compare_with_sensors,
-)
+from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison, compare_with_sensors
 from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment

@@ -271,7 +271,7 @@ def group_hold_out(
     width = held_blocks(len(data.drives))
     number = -1 - regression.block[rows]
     span = number // width
-    drive_number = np.concatenate([np.full(len(c), i) for i, c in enumerate(data.drives)])[rows]
+    drive_number = data.drive_number[rows]
     t_s = data.column("time_s")[rows]
     held = np.unique(drive_number)
     if other_drives and len(held) >= LEAST_RECORDINGS:

@@ -42,7 +42,7 @@ def imitates_load(regression: WhitenedRegression, without: Model, candidate: Can
         return False
     data = regression.data
     predicted = regression.evaluate_corrected(without).predicted
-    load = np.concatenate([drive.observe().load for drive in data.drives])
+    load = data.observed("load")
     of_gain = regression.whiten((predicted**3 * (load / float(np.median(load))) ** 2)[:, None])
     of_load = regression.whiten(regression.compute_signature(without, candidate))
     columns = regression.build_columns(without)

@@ -34,6 +34,5 @@ def explains_without_changes(changing: Findings, steady: Findings) -> bool:
 
 def merge_surfaces(data: RegressionData) -> RegressionData:
     """The same rows with one surface for each drive."""
-    number = np.repeat(np.arange(len(data.drives)), [len(drive) for drive in data.drives])
-    surface = np.where(data.surface == EXCLUDED, EXCLUDED, number)
+    surface = np.where(data.surface == EXCLUDED, EXCLUDED, data.drive_number)
     return replace(data, surface=surface, surfaces=len(data.drives))

@@ -13,21 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.inference.model_comparison import (
-    ScoredModel,
-    fit_and_score,
-)
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.normal_quantiles import NORMAL_95
-from adhesion_can.physics.effects import (
-    Change,
-    Contact,
-    ContactEffect,
-    LagStates,
-    acts_in_contact,
-)
+from adhesion_can.physics.effects import Change, Contact, ContactEffect, LagStates, acts_in_contact
 
 LEAST_DELAY = 0.5
 """Least delay of a signal that is named, in cycles of the slowest one."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.drive_data import DriveData, observed_column
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.physics.effects import Effect
 
@@ -20,7 +20,7 @@ def is_at_one_speed(drives: Iterable[DriveData]) -> bool:
         drives: Rows of all drives.
 
     """
-    speed = np.concatenate([drive.observe().speed for drive in drives])
+    speed = observed_column(drives, "speed")
     low, middle, high = np.quantile(speed, [0.05, 0.5, 0.95])
     return bool(high - low < SPEED_RANGE * middle)
 

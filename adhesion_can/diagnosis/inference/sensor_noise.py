@@ -156,10 +156,7 @@ def _estimate_variance(regression: WhitenedRegression, model: Model) -> _RowVari
     evaluation = regression.evaluate_corrected(model)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     columns = np.stack([np.abs(slope * evaluation.factor), regression.residual(model)])
-    ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
-    parts = zip(
-        data.drives, regression.speed_error_std, np.split(columns, ends, axis=1), strict=True
-    )
+    parts = zip(data.drives, regression.speed_error_std, data.split(columns), strict=True)
     variances, errors = [], []
     for drive, speed_std, (steepness, residual) in parts:
         effort_noise = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)

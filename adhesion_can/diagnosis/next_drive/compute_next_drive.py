@@ -23,11 +23,7 @@ from adhesion_can.diagnosis.next_drive.drive_setting import (
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
 from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart
 from adhesion_can.diagnosis.next_drive.result import NextDrive, PairDiscrepancy
-from adhesion_can.diagnosis.next_drive.search import (
-    Compute,
-    DriveSequence,
-    find_shortest,
-)
+from adhesion_can.diagnosis.next_drive.search import Compute, DriveSequence, find_shortest
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
@@ -242,9 +238,7 @@ def _follows_speed(explanations: Sequence[Explanation]) -> bool:
         _is_time_of_signal(candidate)
         and build_instruments([candidate.active(values)]).misread_speed
         for explanation in explanations
-        for candidate, values in zip(
-            explanation.model.candidates, explanation.model.values, strict=True
-        )
+        for candidate, values in explanation.model.estimates
     )
 
 
@@ -258,9 +252,7 @@ def _longest_delay(explanations: Sequence[Explanation]) -> float:
         (
             abs(values[0])
             for explanation in explanations
-            for c, values in zip(
-                explanation.model.candidates, explanation.model.values, strict=True
-            )
+            for c, values in explanation.model.estimates
             if _is_time_of_signal(c)
         ),
         default=0.0,
@@ -368,7 +360,7 @@ def _size(explanation: Explanation) -> str:
     """The explanation's sizes in brackets; '' without effects."""
     parts = [
         f"{c.free_parameters[0].name} {values[0]:.3g} {unit_text(c.free_parameters[0].unit)}"
-        for c, values in zip(explanation.model.candidates, explanation.model.values, strict=True)
+        for c, values in explanation.model.estimates
     ]
     return f" ({', '.join(part.strip() for part in parts)})" if parts else ""
 

@@ -16,11 +16,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.next_drive.drive_setting import DriveSetting
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
-from adhesion_can.diagnosis.next_drive.planned_drive import (
-    DriveStart,
-    PlannedDrive,
-    predict_drive,
-)
+from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart, PlannedDrive, predict_drive
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks, solve_normal_equations
 from adhesion_can.diagnosis.regression.model import Model, RegressionData, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import design_speed_errors

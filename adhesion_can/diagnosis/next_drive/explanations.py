@@ -7,11 +7,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.model_comparison import (
-    ScoredModel,
-    fit_and_score,
-    is_worse,
-)
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score, is_worse
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.inference.shape_finding import ShapeFinding
 from adhesion_can.diagnosis.regression.candidate import Candidate
@@ -100,10 +96,9 @@ def build_explanations(
 
 def _is_at_bound(model: Model) -> bool:
     """Whether a size is at the end of its range, where no cause is named."""
-    pairs = zip(model.candidates, model.values, strict=True)
     return any(
         parameter.is_at_bound(value)
-        for candidate, values in pairs
+        for candidate, values in model.estimates
         for parameter, value in zip(candidate.free_parameters, values, strict=True)
     )
 

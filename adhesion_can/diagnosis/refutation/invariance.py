@@ -18,15 +18,12 @@ import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.refutation.environments import Partition
+from adhesion_can.diagnosis.regression.effect_derivatives import compute_effect_jacobian
 from adhesion_can.diagnosis.regression.gram_matrices import (
     BlockGramMatrices,
     solve_normal_equations,
 )
-from adhesion_can.diagnosis.regression.model import (
-    Model,
-    compute_effect_jacobian,
-    remove_effect,
-)
+from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 from adhesion_can.physics.parameter import Parameter
 

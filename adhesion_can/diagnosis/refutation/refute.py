@@ -15,13 +15,7 @@ from math import inf
 from typing import NamedTuple
 
 from adhesion_can.diagnosis.cause_result import Witness
-from adhesion_can.diagnosis.formatting import (
-    measured,
-    p_equation,
-    short,
-    unit_text,
-    value_and_unit,
-)
+from adhesion_can.diagnosis.formatting import measured, p_equation, short, unit_text, value_and_unit
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.imitations import find_growth
 from adhesion_can.diagnosis.inference.model_comparison import ScoredModel

@@ -109,11 +109,7 @@ def build_channels(data: RegressionData, evaluation: EvaluatedModel) -> list[Cha
         evaluation: Model evaluated at the estimated true slips.
 
     """
-    observed = [drive.observe() for drive in data.drives]
-    speed, load = (
-        np.concatenate([getattr(readings, name) for readings in observed])
-        for name in ("speed", "load")
-    )
+    speed, load = data.observed("speed"), data.observed("load")
     curve = ChannelKind.CURVE
     channels = [
         Channel("slip", ChannelKind.FACTOR, np.abs(evaluation.slip)),

@@ -178,9 +178,8 @@ def _scale_speed_errors(regression: WhitenedRegression, residual: Array) -> Whit
     design = regression.speed_error_design.copy()
     scaled = design * regression.scale[:, None]
     std = regression.speed_error_std.copy()
-    drive_of_row = np.repeat(np.arange(len(data.drives)), [len(drive) for drive in data.drives])
     for number in range(len(data.drives)):
-        own = drive_of_row == number
+        own = data.drive_number == number
         block = np.where(own & regression.used, regression.block, EXCLUDED)
         if not std[number]:
             continue
@@ -196,11 +195,9 @@ def _slip_std(regression: WhitenedRegression, evaluation: EvaluatedModel, slope:
     """Standard deviation of the slip's white noise: stated, or that of a table; shape (n,)."""
     data = regression.data
     std = data.column("wheel_slip_std").copy()
-    ends = np.cumsum([len(drive) for drive in data.drives])
-    for drive, end in zip(data.drives, ends, strict=True):
+    for number, drive in enumerate(data.drives):
         if drive.table and not drive.independent:
-            rows = np.zeros(len(data), dtype=np.bool_)
-            rows[end - len(drive) : end] = True
+            rows = data.drive_number == number
             std[rows] = estimate_slip_noise(
                 evaluation.slip,
                 evaluation.residual,
@@ -228,7 +225,7 @@ def design_speed_errors(
         Design matrix, adhesion; shape (n, knots).
 
     """
-    speeds = np.concatenate([drive.observe().speed for drive in data.drives])
+    speeds = data.observed("speed")
     errors = [drive.speed_error for drive in data.drives]
     std = np.concatenate(
         [np.full(len(drive), e.std) for drive, e in zip(data.drives, errors, strict=True)]
