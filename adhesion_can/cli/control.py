@@ -13,14 +13,8 @@ from types import FrameType
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.bus_options import add_bus, bus_opener
-from adhesion_can.cli.common import (
-    add_configuration,
-    add_json,
-    configuration,
-    require_positive,
-    talk,
-    write_json,
-)
+from adhesion_can.cli.common import add_configuration, configuration, require_positive
+from adhesion_can.cli.outputs import add_json, talk, write_json
 from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.config.plan_file import read_plan
 from adhesion_can.control.creep_controller import CreepController, Mode

@@ -11,15 +11,12 @@ from adhesion_can.cli.bars import bar
 from adhesion_can.cli.common import (
     add_columns,
     add_configuration,
-    add_json,
     add_model,
     configuration,
-    require_outputs,
-    talk,
-    write_json,
 )
 from adhesion_can.cli.fleet_next import NextCommand, next_commands
 from adhesion_can.cli.fleet_summary import Summary, describe
+from adhesion_can.cli.outputs import add_json, require_outputs, talk, write_json
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_extra
@@ -105,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
     steps = read_steps(options.steps)
     units = _units(options)
     local = [Path(unit.path) for unit in units if "://" not in unit.path]
-    require_outputs(options, {"--json": options.json}, local)
+    require_outputs(options, local)
     plan = make_plan(units, options.out, steps, lambda path: _configuration(options, path))
     data = DataSet(options.out)
     kept = data.read_units()
@@ -225,17 +222,17 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
     }
     write_json(options.json, document)
     if talk(options):
-        for line in [*describe(options, summary, failed, took_s), *diagnosed.verdict]:
-            console().print(line, markup=False)
-        console().print(
+        out = console()
+        for line in (
+            *describe(options, summary, failed, took_s),
+            *diagnosed.verdict,
             f"written: {options.out} (docs/fleet.md: tables and first queries)",
-            markup=False,
-        )
-        for line in diagnosed.written:
-            console().print(line, markup=False)
+            *diagnosed.written,
+        ):
+            out.print(line)
         for command in diagnosed.commands[:1]:
             # A command on one line can be copied, however narrow the terminal.
-            console().print(command.line, markup=False, soft_wrap=True)
+            out.print(command.line, soft_wrap=True)
 
 
 def _next_entries(commands: Sequence[NextCommand]) -> dict[str, Any]:
@@ -283,7 +280,7 @@ def _diagnose(
     made = replace(made, next_step=commands[0].line if commands else "")
     missing = missing_report(Path(PAGE))
     if missing:
-        lines.append(missing)
+        lines.append(f"no report: {missing}")
     else:
         lines.append(f"written: {write_beside(data, PAGE, render(made).encode())}")
     return _Diagnosed(list(made.verdict), lines, commands)

@@ -17,7 +17,6 @@ from adhesion_can.cli.common import (
     add_configuration,
     add_model,
     configuration,
-    require_outputs,
     require_positive,
 )
 from adhesion_can.cli.monitor_lines import write_lines
@@ -25,6 +24,7 @@ from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.cli.monitor_source import NOTES, LiveSource, Source
 from adhesion_can.cli.monitor_viewer import VIEWER
+from adhesion_can.cli.outputs import add_file, add_json, require_candump_name, require_outputs
 from adhesion_can.cli.silence import bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.errors import AdhesionCanError, ConfigError, InputError
@@ -48,9 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plain", action="store_true", help=("print a line at each interval, for pipes")
     )
-    parser.add_argument(
-        "--json", metavar="F", help="write one JSON object per line at each interval; - for stdout"
-    )
+    add_json(parser, "write one JSON object per line at each interval")
     parser.add_argument(
         "--every", type=float, default=1.0, metavar="S", help="time between lines (default 1)"
     )
@@ -76,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=("start at this time of a recording"),
     )
-    parser.add_argument("--record", type=Path, metavar="F", help="record all frames as candump")
+    add_file(parser, "--record", "F", "record all frames as candump", require_candump_name)
     parser.add_argument("--duration", type=float, metavar="S", help="end after this time")
     parser.add_argument(
         "--wait", action="store_true", help="wait for a bus that does not exist yet"
@@ -134,7 +132,7 @@ def run(options: argparse.Namespace) -> int:
     config = configuration(options)
     if options.viewer:
         return _view_in_page(options, config)
-    require_outputs(options, {"--json": options.json, "--record": options.record}, options.log)
+    require_outputs(options, options.log)
     if options.serve:
         return _serve(options, config)
     in_lines = options.plain or options.json is not None or not _on_terminal()

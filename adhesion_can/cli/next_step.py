@@ -1,12 +1,11 @@
-"""The last line of a command: the step that follows, on terminal, page and in JSON."""
+"""What the user typed, for the line with the step that follows."""
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from adhesion_can.cli.common import own_command
-from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
-from adhesion_can.reporting.text import console
+from adhesion_can.reporting.next_steps.next_step import Typed
 
 _OUTPUTS = ("extended", "next_drive", "out")
 
@@ -45,8 +44,3 @@ def typed_words(
         model=getattr(options, "model", None),
         outputs={f"--{name.replace('_', '-')}": path for name, path in named.items() if path},
     )
-
-
-def print_next(step: NextStep) -> None:
-    """Print the line with which a command ends."""
-    console().print(step.line, markup=False)

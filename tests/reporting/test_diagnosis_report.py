@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from adhesion_can.cli.common import finite
+from adhesion_can.cli.outputs import finite
 from adhesion_can.diagnosis.cause_result import (
     Cause,
     ClosestExplanation,

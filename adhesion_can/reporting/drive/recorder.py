@@ -141,13 +141,3 @@ class DriveRecorder:
             distance=self._history.distance,
             signals=self._signals,
         )
-
-
-class NoRecorder:
-    """Takes the place of a recorder where no report is asked for: it keeps nothing."""
-
-    def add(self, t_us: int, outputs: Outputs) -> None:
-        """Add the setpoint of a due time, µs."""
-
-    def add_samples(self, samples: Samples) -> None:
-        """Add samples, in the order of their collection."""
