@@ -28,7 +28,6 @@ from adhesion_can.experiments.runs import (
     EXPERIMENTS,
     EstimatorRun,
     Experiment,
-    Participant,
     participants,
     run_once,
 )
@@ -163,14 +162,10 @@ def _experiment(options: argparse.Namespace) -> Experiment:
     return replace(experiment, theta0=(c1, c2, c3))
 
 
-def _participants(experiment: Experiment, names: Sequence[str]) -> dict[str, Participant]:
-    made = {name: estimator_by_name(name) for name in names}
-    return participants(experiment, made, oracle)
-
-
 def _work(task: _Task) -> dict[str, EstimatorRun]:
     """One run, in a worker process: estimators are made there, by name."""
-    who = _participants(task.experiment, task.names)
+    made = {name: estimator_by_name(name) for name in task.names}
+    who = participants(task.experiment, made, oracle)
     return run_once(
         task.experiment, task.noise_std, task.run, task.seed, who, clock=time.perf_counter
     )

@@ -209,7 +209,7 @@ def _require_options(options: argparse.Namespace) -> None:
 
 def _open_source(options: argparse.Namespace, config: Configuration, *, in_lines: bool) -> Source:
     if not options.log:
-        return _open_bus(options, config, _note_printer() if in_lines else None)
+        return _open_bus(options, config, say if in_lines else None)
     extent = survey(options.log, config)
     if options.from_s > extent.duration_s:
         raise InputError(
@@ -236,10 +236,6 @@ def _open_bus(
     listener = BusListener(bus, tell)
     listener.start()
     return LiveSource(listener, name, core, notes)
-
-
-def _note_printer() -> Callable[[str], None]:
-    return say
 
 
 def _core_maker(config: Configuration) -> Callable[[], ServiceCore]:

@@ -1,6 +1,6 @@
 """A calibration as sentences, as a table and as JSON."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from math import inf
 
 from adhesion_can.calibration.agreement import differs
@@ -67,17 +67,17 @@ def agreement_line(result: Calibration) -> str:
             "The radii agree with the configuration within their uncertainty: the largest change "
             f"is {_change(largest)} % at axle {largest.axle}."
         )
-    return line + (f" Not tested: {_axles(untested)}." if untested else "")
+    return line + (
+        f" Not tested: axle{'s' if len(untested) > 1 else ''} {', '.join(map(str, untested))}."
+        if untested
+        else ""
+    )
 
 
 def _change(axle: AxleRadius) -> str:
     """Change of a radius with its standard error, %."""
     std = axle.estimate.std if axle.estimate else inf
     return f"{100 * (axle.ratio - 1):+.3f} ± {100 * std / axle.configured:.3f}"
-
-
-def _axles(numbers: Sequence[int]) -> str:
-    return f"axle{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
 def _too_little(axle: AxleRadius, settings: CalibrationSettings) -> str:

@@ -7,7 +7,7 @@ from adhesion_can.diagnosis.evaluate import Evaluation, PartEvaluation
 from adhesion_can.diagnosis.formatting import short
 from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
 from adhesion_can.diagnosis.result import Comparison
-from adhesion_can.reporting.charts import BLUE, GREY, ORANGE
+from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, axis
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
 from adhesion_can.reporting.text import FittingTable, table
 
@@ -88,7 +88,7 @@ def _figure(found: Evaluation) -> Figure:
          "marker": {"color": colour}}
         for (name, values), colour in zip(bars.items(), COLOURS, strict=True)
     ]  # fmt: skip
-    layout = {"barmode": "group", "yaxis": {"title": {"text": "RMSE of the adhesion"}}}
+    layout = {"barmode": "group", "yaxis": axis("RMSE of the adhesion")}
     return Figure(f"{TITLE}: lower is better.", data, layout)
 
 

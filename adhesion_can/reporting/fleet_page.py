@@ -40,7 +40,7 @@ def fleet_page(
     found = overview.diagnosis
     sections: dict[str, list[Part]] = {
         "Vehicles": vehicle_parts(found),
-        "What to run next": _next(commands),
+        "What to run next": [Items(commands)] if commands else [],
         "Sizes by vehicle": size_parts(found),
         "Lines, days and the model": _shared(found),
         "Adhesion by line and day": adhesion_parts(overview.estimates),
@@ -113,10 +113,6 @@ def _sized(one: "VehicleSummary") -> str:
         f"{finding.name}, {finding.parameter} {format_size(finding)}" for finding in one.findings
     )
     return f"{one.vehicle}: {causes}."
-
-
-def _next(commands: Sequence[str]) -> list[Part]:
-    return [Items(commands)] if commands else []
 
 
 def _shared(found: "FleetDiagnosis") -> list[Part]:

@@ -13,9 +13,7 @@ from adhesion_can.reporting.fleet_words import (
 from adhesion_can.reporting.page import Part, Table, Text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from adhesion_can.fleet.findings import Finding, FleetDiagnosis, VehicleSummary
+    from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
 
 MOST_VEHICLES = 100
 """Largest number of vehicles in the first table."""
@@ -36,7 +34,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
     named = found.named
     rows = [
         (
-            one.vehicle if first else "",
+            "" if place else one.vehicle,
             finding.name,
             format_size(finding),
             f"{finding.p_value:.1g}",
@@ -45,7 +43,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
             ", ".join(finding.rivals) or "-",
         )
         for one in named[:MOST_VEHICLES]
-        for first, finding in _numbered(one.findings)
+        for place, finding in enumerate(one.findings)
     ]
     parts: list[Part] = []
     if rows:
@@ -109,10 +107,6 @@ def _kinds(found: "FleetDiagnosis") -> list[Part]:
     caption = "Kinds of vehicles: each vehicle is compared only with those of its kind."
     columns = ("kind", "vehicles", "units", "compared")
     return [Table(caption, columns, rows, note, sentence_columns=(0,))]
-
-
-def _numbered(findings: "Sequence[Finding]") -> "list[tuple[bool, Finding]]":
-    return [(place == 0, finding) for place, finding in enumerate(findings)]
 
 
 def named_alone(one: "VehicleSummary", effect: str) -> str:

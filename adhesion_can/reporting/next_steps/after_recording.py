@@ -44,7 +44,7 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
             "The data are readable, but adhesion cannot be computed from them.",
             "add the missing roles or columns, then " + typed.on_inputs("check"),
         )
-    if not any(_has_peak(fit) for fit in fits):
+    if not any(one.estimate.identifiable.both for fit in fits for one in fit.segments):
         if any(_is_hidden(segment) for fit in fits for segment in fit.segments):
             return NextStep(
                 "The data are readable, but no peak is identifiable.", typed.on_inputs("diagnose")
@@ -189,10 +189,6 @@ def _after_misfit(misfit: Misfit, typed: Typed) -> NextStep:
 def _is_hidden(segment: Segment) -> bool:
     """Whether slips reach a peak that an error of an instrument or of the model may hide."""
     return segment.missing.by_noise or bool(segment.directions.sentence)
-
-
-def _has_peak(fit: BatchResult) -> bool:
-    return any(segment.estimate.identifiable.both for segment in fit.segments)
 
 
 def _peak(estimate: Estimate) -> str:
