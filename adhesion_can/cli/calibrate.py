@@ -9,7 +9,7 @@ import numpy as np
 
 from adhesion_can.api.calibration import (
     build_coasting_drive,
-    needed_roles,
+    load_coasting_traces,
     require_calibration_roles,
     require_calibration_signals,
 )
@@ -26,12 +26,12 @@ from adhesion_can.config.calibrated_file import Correction, with_correction
 from adhesion_can.config.calibrated_radii import rim_axles
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256, whole_file
-from adhesion_can.offline.load_traces import LoadedTraces, load_traces
+from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.physics.readings import Role
 from adhesion_can.plurals import counted
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
-from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.calibration import (
     agreement_line,
     calibration_notes,
@@ -106,15 +106,8 @@ def run(options: argparse.Namespace) -> int:
     )
     require_calibration_roles(config, reference)
     recordings = open_recordings(options.log)
-    loaded = []
     with reading("reading", recordings) as watched:
-        for recording in recordings:
-            blocks = watched(blocks_in_sequence([recording], config.service.restart_s))
-            loaded.append(
-                load_traces(
-                    blocks, config, str(recording.path), needed_roles(reference), partly=True
-                )
-            )
+        loaded = load_coasting_traces(recordings, config, reference, watched)
     drives = [build_coasting_drive(one, config, reference) for one in loaded]
     where = ", ".join(map(str, options.log))
     require_calibration_signals(drives, where, options.speed)

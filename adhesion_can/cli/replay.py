@@ -1,7 +1,6 @@
 """`replay`: the service over recordings, with its frames, its setpoints and its misfit."""
 
 import argparse
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
@@ -34,8 +33,6 @@ from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
 from adhesion_can.offline.missing_samples import describe_dropped
 from adhesion_can.offline.recording_fit import SeenIds, require_accepted, require_fit
 from adhesion_can.offline.stamps import in_seconds
-from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
-from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame
@@ -46,10 +43,10 @@ from adhesion_can.reporting.drive.recorder import DriveRecorder
 from adhesion_can.reporting.drive.replayed import replay_texts
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.next_steps.after_recording import after_replay
-from adhesion_can.reporting.objections import ObjectionLog
 from adhesion_can.reporting.page import Page
 from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.sample_rows import sample_table
+from adhesion_can.reporting.setpoint_counts import SetpointCounts
 from adhesion_can.reporting.setpoints import setpoint_table
 from adhesion_can.reporting.text import table
 from adhesion_can.result_text import plus_minus
@@ -96,7 +93,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
     make = partial(config.make_estimator, options.estimator)
     make()  # an unknown name is an error before the work, not after it
     recordings = open_recordings(options.log)
-    setpoints = _SetpointCounts()
+    setpoints = SetpointCounts()
     origin = provenance(config, options.log)
     slip_max = config.estimators.identifiability.slip_max
     recorder = DriveRecorder(slip_max)
@@ -183,43 +180,6 @@ def _require_span(options: argparse.Namespace) -> None:
         )
 
 
-class _SetpointCounts:
-    """Numbers of setpoints by status, by doubt and by objection."""
-
-    def __init__(self) -> None:
-        self.by_status: Counter[Status] = Counter()
-        self.by_doubt: Counter[Doubt] = Counter()
-        self.by_objection: Counter[Objection] = Counter()
-        self.objections = ObjectionLog()
-
-    def add(self, t_us: int, outputs: Outputs) -> None:
-        self.by_status[outputs.status] += 1
-        self.by_doubt[outputs.doubt] += 1
-        self.by_objection[outputs.objection] += 1
-        self.objections.add(t_us, outputs.objection)
-
-    @property
-    def doubts(self) -> list[Doubt]:
-        """What was doubted, the most frequent first."""
-        return [doubt for doubt, _ in self.by_doubt.most_common()]
-
-    def share(self, count: int) -> str:
-        """Share of a number of setpoints in all of them, as text."""
-        return f"{100 * count / (self.by_status.total() or 1):.1f} %"
-
-    def describe_doubts(self) -> list[str]:
-        """Line with the share of the time with doubt and what it was about; none without doubt."""
-        found = [(doubt, n) for doubt, n in self.by_doubt.most_common() if doubt in DESCRIPTIONS]
-        if not found:
-            return []
-        whole = self.share(sum(n for _, n in found))
-        shares = [f" ({self.share(n)})" if len(found) > 1 else "" for _, n in found]
-        reasons = [
-            DESCRIPTIONS[doubt] + share for (doubt, _), share in zip(found, shares, strict=True)
-        ]
-        return [f"doubt {whole} of the time ({', '.join(reasons)}): run `diagnose`"]
-
-
 class _Channel:
     """Name of the recording's bus, taken from its first frame, for the frames that are sent."""
 
@@ -236,7 +196,7 @@ class _Channel:
 def _document(
     summary: ReplaySummary,
     core: ServiceCore,
-    setpoints: _SetpointCounts,
+    setpoints: SetpointCounts,
     problems: list[str],
     misfit: Misfit | None,
 ) -> dict[str, Any]:
@@ -272,7 +232,7 @@ def _document(
 
 
 def _parts(
-    summary: ReplaySummary, core: ServiceCore, setpoints: _SetpointCounts, problems: list[str]
+    summary: ReplaySummary, core: ServiceCore, setpoints: SetpointCounts, problems: list[str]
 ) -> Iterator[RenderableType]:
     receiver = core.receiver
     span = ((summary.last_us or 0) - (summary.first_us or 0)) / 1e6

@@ -52,9 +52,6 @@ def find_kinds(units: Iterable[UnitEvidence]) -> tuple[Kind, ...]:
 
     Units without effects and without wheel radii have no part in any.
 
-    Args:
-        units: Evidence of all units.
-
     """
     by_form: dict[VehicleForm, list[UnitEvidence]] = defaultdict(list)
     for one in units:

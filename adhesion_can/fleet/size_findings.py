@@ -46,13 +46,7 @@ class FindingSizes:
         return found
 
     def with_size(self, finding: Finding, beside: Sequence[Finding] = ()) -> Finding:
-        """The finding with its pooled size.
-
-        Args:
-            finding: Finding.
-            beside: Findings of the same vehicle.
-
-        """
+        """The finding with its pooled size."""
         key = _key(finding)
         own = self._units_of(finding)
         sizes: list[UnitSize | None]

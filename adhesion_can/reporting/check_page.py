@@ -82,14 +82,7 @@ def noise_row(compared: ComparedNoise) -> tuple[str, ...]:
 def recording_page(
     result: CheckResult, config: Configuration, provenance: Mapping[str, str]
 ) -> Page:
-    """Build the page of the check of recordings.
-
-    Args:
-        result: Result of the check.
-        config: Configuration of the check.
-        provenance: Version, hashes and command by name.
-
-    """
+    """Build the page of the check of recordings."""
     counts = {
         "frames": result.frames,
         "frames with other ids": result.unknown,
@@ -117,13 +110,7 @@ def recording_page(
 
 
 def table_page(results: Sequence[TableCheck], provenance: Mapping[str, str]) -> Page:
-    """Build the page of the check of tables of samples.
-
-    Args:
-        results: Results of the check, one a table.
-        provenance: Version, hashes and command by name.
-
-    """
+    """Build the page of the check of tables of samples."""
     sections: dict[str, list[Part]] = _findings(results)
     for result in results:
         parts: list[Part] = [

@@ -64,14 +64,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
 
 
 def _points(environments: Sequence[EnvironmentSizes], factor: float, *, refutes: bool) -> Trace:
-    """Points with whiskers of some partitions, in one colour.
-
-    Args:
-        environments: Sizes by environment.
-        factor: Factor of the numbers on the axis.
-        refutes: Whether the sizes differ.
-
-    """
+    """Points with whiskers of some partitions, in one colour."""
     levels = [level for one in environments for level in one.levels]
     half = [factor * NORMAL_95 * level.std for level in levels]
     return scatter(

@@ -32,12 +32,7 @@ MAP_HEIGHT = 520
 
 
 def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
-    """Figure by day and table of the lines and days.
-
-    Args:
-        estimates: Adhesion by line and day.
-
-    """
+    """Figure by day and table of the lines and days."""
     if not estimates:
         return [Text("No surface has a peak known within 10 %.")]
     by_line: dict[str, list[PlaceEstimate]] = defaultdict(list)
@@ -108,12 +103,7 @@ def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Fig
 
 
 def map_parts(overview: "FleetOverview") -> list[Part]:
-    """Map of the surfaces with a position.
-
-    Args:
-        overview: What the report shows.
-
-    """
+    """Map of the surfaces with a position."""
     points = overview.positions
     if not len(points):
         return [

@@ -69,12 +69,7 @@ class _Row(NamedTuple):
 
 
 def size_parts(found: "FleetDiagnosis") -> list[Part]:
-    """Forest plots of the causes, and the table of the recordings.
-
-    Args:
-        found: Result of the fleet-level diagnosis.
-
-    """
+    """Forest plots of the causes, and the table of the recordings."""
     shared = [(owner(one), one.pooled) for one in found.shared if one.pooled is not None]
     by_cause: dict[str, list[PooledSize]] = defaultdict(list)
     for size in _sizes_of_vehicles(found):

@@ -25,12 +25,7 @@ VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "r
 
 
 def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
-    """Tables of findings, of what recordings name by themselves, of failures and of kinds.
-
-    Args:
-        found: Result of the fleet-level diagnosis.
-
-    """
+    """Tables of findings, of what recordings name by themselves, of failures and of kinds."""
     named = found.named
     rows = [
         (

@@ -132,7 +132,7 @@ def _estimate_panels(
 
 def _resolution(record: DriveRecord) -> str:
     count = len(record.history)
-    total = sum(record.statuses.values())
+    total = record.counts.by_status.total()
     if total <= count:
         return "Every setpoint is drawn."
     return f"{total} setpoints are thinned to {count} points; extremes are kept."

@@ -21,13 +21,7 @@ BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in
 
 
 def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> NextStep:
-    """Whether the data are usable, and what to do next.
-
-    Args:
-        results: Check of the recordings together, or of each table.
-        typed: What the user typed.
-
-    """
+    """Whether the data are usable, and what to do next."""
     failures = WRONG.lines(results)
     for misfit in (one.misfit for one in results if isinstance(one, CheckResult)):
         if misfit is not None:
@@ -58,13 +52,7 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
 
 
 def after_identification(found: BatchResult, typed: Typed) -> NextStep:
-    """The peak where there is one, and what to do next.
-
-    Args:
-        found: Result of the batch fit.
-        typed: What the user typed.
-
-    """
+    """The peak where there is one, and what to do next."""
     known = [one.estimate for one in found.segments if one.estimate.identifiable.both]
     if not known and not any(map(_is_hidden, found.segments)):
         again = typed.command("identify", typed.new_file("NEW"))
