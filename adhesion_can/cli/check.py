@@ -35,7 +35,7 @@ from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, Checked, legen
 from adhesion_can.reporting.data_quality import MESSAGE_COLUMNS, message_rows
 from adhesion_can.reporting.next_steps.after_recording import after_check
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -99,7 +99,7 @@ def _check_tables(options: argparse.Namespace, config: Configuration) -> int:
 def _table_parts(results: Sequence[TableCheck]) -> Iterator[RenderableType]:
     for result in results:
         title = f"{result.name}: {result.rows} rows"
-        yield table(title, COLUMN_COLUMNS, column_rows(result))
+        yield FittingTable(title, COLUMN_COLUMNS, column_rows(result))
         yield from _sentences(result)
 
 
@@ -108,12 +108,12 @@ def _parts(result: CheckResult) -> Iterator[RenderableType]:
         f"{result.frames} frames in {result.duration_s:.1f} s{result.times.note}, "
         f"{result.unknown} with other ids; {len(result.samples)} samples"
     )
-    yield table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records))
+    yield FittingTable("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records))
     if result.misfit is None or not result.misfit.of_other_bus:
-        yield table("Signals", SIGNAL_COLUMNS, signal_rows(result))
+        yield FittingTable("Signals", SIGNAL_COLUMNS, signal_rows(result))
         if result.noise:
             noise = [noise_row(compared) for compared in result.noise]
-            yield table("Noise, standard deviation", NOISE_COLUMNS, noise)
+            yield FittingTable("Noise, standard deviation", NOISE_COLUMNS, noise)
             yield f"{NOISE_NOTE}\n"
     yield from _sentences(result)
 

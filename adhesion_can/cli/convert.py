@@ -35,7 +35,7 @@ from adhesion_can.reporting.export.message_folder import LIST
 from adhesion_can.reporting.export.messages import id_text
 from adhesion_can.reporting.export.raster import Raster, parse_raster
 from adhesion_can.reporting.provenance import provenance_of_database, texts
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable, console
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -249,7 +249,7 @@ def _print(document: Mapping[str, Any], file: TextIO) -> None:
         for message in sorted(document["messages"], key=lambda message: message["id"])
     ]
     columns = ("message", "frames", "decoded", "rejected", "lost")
-    out.print(table("Messages", columns, rows))
+    out.print(FittingTable("Messages", columns, rows))
     unknown = Counter(
         {
             f"{id_text(one['id'], one['extended'])} {one['name']}".strip(): one["frames"]

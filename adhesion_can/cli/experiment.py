@@ -41,7 +41,7 @@ from adhesion_can.reporting.experiment import (
     page,
     verdict,
 )
-from adhesion_can.reporting.text import PIPE_WIDTH, console, table
+from adhesion_can.reporting.text import PIPE_WIDTH, FittingTable, console
 from adhesion_can.version import __version__
 
 RUNS = 20
@@ -233,7 +233,7 @@ def _print(outcomes: Sequence[NoiseLevelResult], out: Path, missing: str) -> Non
     screen = console()
     for made in outcomes:
         shown = merit_table(made)
-        screen.print(table(shown.caption, shown.columns, shown.rows))
+        screen.print(FittingTable(shown.caption, shown.columns, shown.rows))
     lines = [*fill(merit_table(outcomes[0]).note, PIPE_WIDTH).splitlines(), ""]
     for made in outcomes:
         lines += verdict(made)

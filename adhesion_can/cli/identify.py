@@ -37,7 +37,7 @@ from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.curves import family_lines, render_curves
 from adhesion_can.reporting.next_steps.after_recording import after_identification
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable
 
 WORTH_TELLING = 0.02
 """Deviation from 1 from which a mean factor of the adhesion is reported."""
@@ -125,7 +125,7 @@ def _parts(
         identifiable, _, _, *others = _cells(result.whole)
         rows.append(("all together", identifiable, "-", "-", *others))
     columns = ("time s", "identifiable", "mu_max", "lambda_m", "samples", "c1", "c2", "c3", "noise")
-    yield table(f"Batch fit, ± standard deviation{result.times.note}", columns, rows)
+    yield FittingTable(f"Batch fit, ± standard deviation{result.times.note}", columns, rows)
     if model is not None:
         effects = ", ".join(model.names) or "no effects"
         yield f"Base curve of the extended model {model.where}: without {effects}."

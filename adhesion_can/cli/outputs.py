@@ -12,7 +12,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
 from adhesion_can.recordings.formats import require_text_name
 
-Check = Callable[[Any, str], None]
+Check = Callable[[Any, str], object]
 """Raises an InputError where the value of an option cannot serve; takes the value and the name."""
 
 

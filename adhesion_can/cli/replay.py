@@ -48,7 +48,7 @@ from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.sample_rows import sample_table
 from adhesion_can.reporting.setpoint_counts import SetpointCounts
 from adhesion_can.reporting.setpoints import setpoint_table
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
@@ -243,7 +243,7 @@ def _parts(
     )
     counts = setpoints.by_status
     rows = [(s.name, str(counts[s]), setpoints.share(counts[s])) for s in Status if s in counts]
-    yield table("Setpoints by status", ("status", "setpoints", "share"), rows)
+    yield FittingTable("Setpoints by status", ("status", "setpoints", "share"), rows)
     if core.estimate is not None:
         e = core.estimate
         yield (

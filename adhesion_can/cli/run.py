@@ -13,7 +13,7 @@ from typing import TextIO, cast
 
 import numpy as np
 
-from adhesion_can.cli.bus_options import add_bus, bus_opener
+from adhesion_can.cli.bus_options import add_bus, add_wait, bus_opener
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_configuration,
@@ -58,9 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_file(parser, "--log", "F", about, require_candump_name)
     about = "start with the surfaces kept in this file, and keep those identified"
     add_file(parser, "--state", "F", about)
-    parser.add_argument(
-        "--wait", action="store_true", help="wait for a bus that does not exist yet"
-    )
+    add_wait(parser)
     parser.add_argument(
         "--dry-run", action="store_true", help=("listen and identify, but send nothing")
     )

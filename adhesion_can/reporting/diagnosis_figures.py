@@ -101,33 +101,18 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
     return Figure(caption, [bars], layout, 90 + 30 * len(models), "models")
 
 
-def simulation_figure(
-    simulation_plot: SimulationPlot, times: TimeScale, *, extended: bool
-) -> Figure:
+def simulation_figure(plot: SimulationPlot, times: TimeScale, *, extended: bool) -> Figure:
     """Wheel speed and adhesion of one axle: measured, before and, where extended, after."""
-    t = simulation_plot.time_s - times.zero_us / 1e6
+    t = plot.time_s - times.zero_us / 1e6
     panels = []
-    measured, before, after = (
-        simulation_plot.wheel_speed,
-        simulation_plot.simulated_before,
-        simulation_plot.simulated_after,
-    )
+    measured, before, after = plot.wheel_speed, plot.simulated_before, plot.simulated_after
+    error = "simulated minus measured wheel speed, rad/s"
     plotted = (
-        ("wheel speed, rad/s", (measured, before, after)),
-        (
-            "simulated minus measured wheel speed, rad/s",
-            (None, before - measured, after - measured),
-        ),
-        (
-            "adhesion coefficient μ",
-            (
-                simulation_plot.adhesion,
-                simulation_plot.predicted_before,
-                simulation_plot.predicted_after,
-            ),
-        ),
+        ("wheel speed, rad/s", measured, before, after),
+        (error, None, before - measured, after - measured),
+        ("adhesion coefficient μ", plot.adhesion, plot.predicted_before, plot.predicted_after),
     )
-    for row, (title, (seen, was, now)) in enumerate(plotted):
+    for row, (title, seen, was, now) in enumerate(plotted):
         shown = [(_MEASURED, seen)] if seen is not None else []
         shown += [(_BEFORE, was), (_AFTER, now)] if extended else [(_BEFORE, was)]
         styles, lines = [style for style, _ in shown], [line for _, line in shown]
@@ -135,9 +120,9 @@ def simulation_figure(
         traces = [_line(style, x, y, legend=row == 0) for style, y in zip(styles, ys, strict=True)]
         panels.append(Panel(title, traces, {}, 150.0))
     caption = (
-        f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured and simulated. "
+        f"{plot.recording}, axle {plot.axle}, measured and simulated. "
         "Wheel speed is simulated from the measured effort and vehicle speed, restarted every "
-        f"{simulation_plot.restart_s:g} s; adhesion is predicted from the measured slip."
+        f"{plot.restart_s:g} s; adhesion is predicted from the measured slip."
     )
     return panels_figure(caption, panels, "time, s", "measured-and-simulated")
 

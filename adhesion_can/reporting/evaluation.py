@@ -9,7 +9,7 @@ from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_
 from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, axis
 from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
-from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.reporting.text import FittingTable
 
 TITLE = "RMSE of the adhesion on all rows of each recording"
 COLUMNS = ("data", "rows", "plain", "as written", "gain", "refitted", "gain ")
@@ -24,7 +24,7 @@ MEANING = (
 
 def render_evaluation(found: Evaluation) -> Iterator[str | FittingTable]:
     """Parts for a terminal."""
-    yield table(f"{TITLE}, and gain over the plain curve", COLUMNS, _rows(found))
+    yield FittingTable(f"{TITLE}, and gain over the plain curve", COLUMNS, _rows(found))
     yield verdict(found)
     yield MEANING
 

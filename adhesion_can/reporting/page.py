@@ -19,8 +19,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.errors import InputError
-from adhesion_can.extras import install_extra
+from adhesion_can.extras import needing_extra
 from adhesion_can.files import whole_file
 from adhesion_can.reporting.trace_summary import SUMMARY_COLUMNS, summary_rows
 
@@ -140,8 +139,8 @@ class Page:
         return found
 
 
-def require_extra(where: str) -> None:
-    """Raise where Jinja2 or Plotly are missing, before work that would end in a page.
+def require_extra(where: str) -> tuple[Any, Any]:
+    """Jinja2 and the function that gives Plotly's script; called before work that ends in a page.
 
     Args:
         where: Option or file that asks for the page.
@@ -150,7 +149,10 @@ def require_extra(where: str) -> None:
         InputError: The extra is not installed.
 
     """
-    _extra(where)
+    with needing_extra("report", where, "an HTML page needs Jinja2 and Plotly"):
+        import jinja2
+        from plotly.offline import get_plotlyjs
+    return jinja2, get_plotlyjs
 
 
 def render(page: Page, where: str = "page") -> str:
@@ -164,7 +166,7 @@ def render(page: Page, where: str = "page") -> str:
         InputError: The extra is not installed.
 
     """
-    jinja2, _ = _extra(where)
+    jinja2, _ = require_extra(where)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("adhesion_can.reporting"),
         autoescape=True,
@@ -205,23 +207,10 @@ def write_page(page: Page, path: Path, *, own_name: bool = False) -> None:
         file.write(text)
 
 
-def _extra(where: str) -> tuple[Any, Any]:
-    try:
-        import jinja2
-        from plotly.offline import get_plotlyjs
-    except ImportError as error:
-        raise InputError(
-            where,
-            f"an HTML page needs Jinja2 and Plotly (no module {error.name!r})",
-            install_extra("report"),
-        ) from error
-    return jinja2, get_plotlyjs
-
-
 @cache
 def _packed_plotly() -> str:
     """Plotly's script, compressed, as base64: 2 of 4.8 MB; the page's own script unpacks it."""
-    _, plotly_script = _extra("page")
+    _, plotly_script = require_extra("page")
     packed = gzip.compress(plotly_script().encode(), compresslevel=9, mtime=0)
     return b64encode(packed).decode("ascii")
 
