@@ -114,7 +114,8 @@ def _parts(result: CheckResult) -> Iterator[RenderableType]:
         if result.noise:
             noise = [noise_row(compared) for compared in result.noise]
             yield FittingTable("Noise, standard deviation", NOISE_COLUMNS, noise)
-            yield f"{NOISE_NOTE}\n"
+            yield NOISE_NOTE
+            yield ""
     yield from _sentences(result)
 
 
