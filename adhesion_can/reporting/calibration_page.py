@@ -25,7 +25,7 @@ from adhesion_can.reporting.charts import (
     thinned,
     whiskers,
 )
-from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
 from adhesion_can.reporting.time_panels import line, span_line
 from adhesion_can.result_text import TimeScale
 
@@ -149,12 +149,12 @@ def page(
         title="Wheel radii and errors of the vehicle speed",
         lead=f"Calibration from coasting in {', '.join(drive.name for drive in plots.drives)}.",
         verdict=verdict,
-        sections=[
-            Section("Radii", [table, _radius_figure(result)]),
-            Section("Limits and notes", [Items(notes)]),
-            Section("Coasting", coasting or [Text("There is no vehicle speed to show.")]),
-            Section("Residual", left or [Text("No axle coasts.")]),
-        ],
+        sections={
+            "Radii": [table, _radius_figure(result)],
+            "Limits and notes": [Items(notes)],
+            "Coasting": coasting or [Text("There is no vehicle speed to show.")],
+            "Residual": left or [Text("No axle coasts.")],
+        },
         provenance=provenance,
         begin=_begin(plots.drives),
     )

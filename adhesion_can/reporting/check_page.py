@@ -24,7 +24,7 @@ from adhesion_can.reporting.charts import (
 from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, WRONG, Checked, verdict
 from adhesion_can.reporting.data_quality import quality_parts
 from adhesion_can.reporting.drive.signal_panels import SignalPanels, signal_panels
-from adhesion_can.reporting.page import Figure, Items, Page, Part, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Part, Table, Text
 from adhesion_can.reporting.time_panels import Panel, panels_figure
 from adhesion_can.reporting.time_panels import line as trace_line
 from adhesion_can.result_text import TimeScale
@@ -139,7 +139,7 @@ def _page(
         title=title,
         lead=lead,
         verdict=[f"{said[0].upper()}{said[1:]}{':' if failures else '.'}", *failures],
-        sections=[Section(name, parts) for name, parts in sections.items()],
+        sections=sections,
         provenance=provenance,
         begin=begin,
     )

@@ -44,7 +44,7 @@ from adhesion_can.reporting.evidence import (
     untested_outcome,
 )
 from adhesion_can.reporting.model_parts import model_parts
-from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
 from adhesion_can.result_text import HELD_OUT_RMSE, plus_minus
 
 Parts = list[Text | Items | Table | Figure]
@@ -89,7 +89,7 @@ def page(
         title="What the simulation gets wrong, and why",
         lead=_lead(found),
         verdict=verdict_sentences(found),
-        sections=[Section(name, parts) for name, parts in sections.items()],
+        sections=sections,
         provenance=provenance,
         next_step=found.next_step,
         begin=_begin(found),

@@ -8,7 +8,7 @@ from adhesion_can.diagnosis.formatting import short
 from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
 from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, axis
-from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Part, Table, Text
 from adhesion_can.reporting.text import FittingTable
 
 TITLE = "RMSE of the adhesion on all rows of each recording"
@@ -60,11 +60,11 @@ def page(
         provenance: Version, command, database and configuration by name.
 
     """
-    sections = [
-        Section("Figures", [Table(f"{TITLE}.", COLUMNS, _rows(found), note=MEANING)]),
-        Section("Recording by recording", [_figure(found)]),
-        Section("Inputs", [Items(notes) if notes else Text("Every row was used.")]),
-    ]
+    sections: dict[str, list[Part]] = {
+        "Figures": [Table(f"{TITLE}.", COLUMNS, _rows(found), note=MEANING)],
+        "Recording by recording": [_figure(found)],
+        "Inputs": [Items(notes) if notes else Text("Every row was used.")],
+    }
     return Page(
         title="A model on these data",
         lead=f"The model {model} compared with the plain curve.",

@@ -15,7 +15,7 @@ from adhesion_can.reporting.fleet_words import (
     left_out,
     owner,
 )
-from adhesion_can.reporting.page import Items, Page, Part, Section, Table, Text
+from adhesion_can.reporting.page import Items, Page, Part, Table, Text
 
 if TYPE_CHECKING:
     from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
@@ -53,7 +53,7 @@ def fleet_page(
         title="What is wrong in this fleet, and why?",
         lead=_lead(overview),
         verdict=_verdict(overview),
-        sections=[Section(name, parts) for name, parts in sections.items() if parts],
+        sections={name: parts for name, parts in sections.items() if parts},
         provenance=provenance,
     )
 

@@ -15,7 +15,7 @@ from base64 import b64encode
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -93,15 +93,7 @@ class Grid:
 
 
 Part = Text | Items | Table | Figure | Grid
-"""A part of a section."""
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """A part of a page under a heading of its own."""
-
-    title: str
-    parts: Sequence[Part]
+"""Part of a section."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +104,7 @@ class Page:
         title: Title of the page.
         lead: Work that was done, a sentence or two.
         verdict: Results, a sentence each, the most important first.
-        sections: Sections in their order.
+        sections: Parts of each section by its heading, in their order.
         provenance: Version, hashes and the command that repeats the work, by name.
         next_step: What was found and what to do next, one line; '' where nothing follows.
         begin: Date and time of time 0, a sentence for each recording; '' where there is none.
@@ -122,7 +114,7 @@ class Page:
     title: str
     lead: str
     verdict: Sequence[str]
-    sections: Sequence[Section]
+    sections: Mapping[str, Sequence[Part]]
     provenance: Mapping[str, str]
     next_step: str = ""
     begin: str = ""
@@ -131,7 +123,7 @@ class Page:
     def figures(self) -> list[Figure]:
         """All figures in their order."""
         found: list[Figure] = []
-        for part in (part for section in self.sections for part in section.parts):
+        for part in chain.from_iterable(self.sections.values()):
             if isinstance(part, Grid):
                 found += part.figures
             elif isinstance(part, Figure):

@@ -12,7 +12,7 @@ from adhesion_can.reporting.drive.figures import overview_figure, state_name, su
 from adhesion_can.reporting.drive.recorder import DriveRecord
 from adhesion_can.reporting.drive.signal_panels import signal_panels, signal_table
 from adhesion_can.reporting.drive.surfaces import A_BIN, SLIP_BINS, Surface, longest
-from adhesion_can.reporting.page import Figure, Grid, Page, Part, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Grid, Page, Part, Table, Text
 from adhesion_can.result_text import TimeScale, plus_minus
 
 MOST_FIGURES = 12
@@ -60,7 +60,7 @@ def page(record: DriveRecord, texts: DriveTexts, config: Configuration) -> Page:
         title=texts.title,
         lead=texts.lead,
         verdict=[*_verdict(record), *texts.verdict],
-        sections=[Section(name, parts) for name, parts in sections.items()],
+        sections=sections,
         provenance=texts.provenance,
         begin=TimeScale.beginning_at(record.first_us).heading(),
     )
