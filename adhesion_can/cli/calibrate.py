@@ -35,13 +35,15 @@ from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.calibration import (
     agreement_line,
     calibration_notes,
-    radius_table,
+    radius_columns,
+    radius_rows,
     speed_lines,
 )
 from adhesion_can.reporting.calibration_page import CoastingPlots, page
 from adhesion_can.reporting.next_steps.after_calibration import after_calibration
 from adhesion_can.reporting.page import Page
 from adhesion_can.reporting.provenance import provenance
+from adhesion_can.reporting.text import FittingTable
 from adhesion_can.sampling.traces import Trace
 from adhesion_can.version import __version__
 
@@ -131,10 +133,12 @@ def run(options: argparse.Namespace) -> int:
         plots = CoastingPlots.build(drives, names, config.vehicle, settings, result)
         return page(result, plots, rim, about, said)
 
+    title = "Wheel radii, ± standard error"
+    radii = FittingTable(title, radius_columns(result), radius_rows(result, rim))
     Result(
         document=document,
         origin=provenance(config, inputs),
-        parts=[radius_table(result, rim), *about, new],
+        parts=[radii, *about, new],
         step=after_calibration(result, typed_words(options, options.log), rim),
         page=build_page,
     ).deliver(options)

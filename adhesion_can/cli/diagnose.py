@@ -155,10 +155,10 @@ def build_command_line(options: argparse.Namespace) -> str:
         arguments += ["--formula", text]
     for text in options.column:
         arguments += ["--column", text]
-    for name in ("html", "png", "svg", "extended", "next_drive", "json", "config", "dbc"):
-        value = getattr(options, name)
+    named = {one.option: one.value(options) for one in options.outputs if one.is_file}
+    for option, value in {**named, "--config": options.config, "--dbc": options.dbc}.items():
         if value is not None:
-            arguments += [f"--{name.replace('_', '-')}", _quote_argument(value)]
+            arguments += [option, _quote_argument(value)]
     arguments += [f"--{name}" for name in ("witness", "open", "lenient") if getattr(options, name)]
     return shlex.join(arguments)
 

@@ -7,8 +7,6 @@ from pathlib import Path
 from adhesion_can.cli.common import own_command
 from adhesion_can.reporting.next_steps.next_step import Typed
 
-_OUTPUTS = ("extended", "next_drive", "out")
-
 
 def typed_words(
     options: argparse.Namespace, inputs: Sequence[Path], *, tables: bool = False
@@ -32,7 +30,6 @@ def typed_words(
     assume = getattr(options, "assume", None)
     if assume is not None:
         columns += ["--assume", assume]
-    named = {name: getattr(options, name, None) for name in _OUTPUTS}
     return Typed(
         inputs=tuple(inputs),
         tables=tables,
@@ -42,5 +39,5 @@ def typed_words(
         formulas=tuple(getattr(options, "formula", ())),
         holdout=tuple(getattr(options, "holdout", ())),
         model=getattr(options, "model", None),
-        outputs={f"--{name.replace('_', '-')}": path for name, path in named.items() if path},
+        outputs={one.option: path for one in options.outputs if (path := one.value(options))},
     )

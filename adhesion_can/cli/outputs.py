@@ -41,9 +41,8 @@ class Output(NamedTuple):
         parser.set_defaults(outputs=(*(parser.get_default("outputs") or ()), self))
 
     def value(self, options: argparse.Namespace) -> Any:
-        """Value that was given; None where there is none, and for '-', which is no file."""
-        value = getattr(options, self.option.removeprefix("--").replace("-", "_"))
-        return None if value in (False, "-") else value
+        """Value that was given; None or False where there is none."""
+        return getattr(options, self.option.removeprefix("--").replace("-", "_"))
 
 
 def add_file(
@@ -103,7 +102,7 @@ def require_outputs(
     written: list[tuple[Output, Any]] = [(Output(name), path) for name, path in (own or {}).items()]
     written += [(output, output.value(options)) for output in options.outputs]
     for output, value in written:
-        if value is None:
+        if not value or value == "-":
             continue
         if output.is_file:
             option, path = output.option, Path(value)

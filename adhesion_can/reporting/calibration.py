@@ -6,7 +6,6 @@ from math import inf
 from adhesion_can.calibration.agreement import differs
 from adhesion_can.calibration.coasting import SOFTEST_CONTACT, CalibrationSettings
 from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
-from adhesion_can.reporting.text import FittingTable
 from adhesion_can.result_text import plus_minus
 
 IMPLAUSIBLE = 0.1
@@ -133,12 +132,6 @@ def radius_rows(result: Calibration, rim: Collection[int]) -> list[tuple[str, ..
         )
         for axle in result.axles
     ]
-
-
-def radius_table(result: Calibration, rim: Collection[int]) -> FittingTable:
-    """Table of the radii, a row per axle; `rim` has the axles with the speed of the rim."""
-    title = "Wheel radii, ± standard error"
-    return FittingTable(title, radius_columns(result), radius_rows(result, rim))
 
 
 def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]:
