@@ -47,7 +47,7 @@ class FindingSizes:
 
     def with_size(self, finding: Finding, beside: Sequence[Finding] = ()) -> Finding:
         """The finding with its pooled size."""
-        key = _key(finding)
+        key = finding.key
         own = self._units_of(finding)
         sizes: list[UnitSize | None]
         if finding.source == COASTING:
@@ -59,7 +59,7 @@ class FindingSizes:
         else:
             spread = self.spreads.get(key, 0.0)
             others = {
-                _key(one): one.value for one in beside if one.source != COASTING and one != finding
+                one.key: one.value for one in beside if one.source != COASTING and one != finding
             }
             sizes = [
                 size_in_unit(unit, key, _without(key, {**self.known.get(unit.unit, {}), **others}))
@@ -115,8 +115,3 @@ def size_findings_of(
 
 def _without(key: EffectKey, sizes: Sizes) -> Sizes:
     return {other: size for other, size in sizes.items() if other != key}
-
-
-def _key(finding: Finding) -> EffectKey:
-    named = finding.effect, finding.form, finding.axle, finding.parameter, finding.unit
-    return EffectKey(*named, 1.0)
