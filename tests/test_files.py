@@ -16,8 +16,8 @@ import pytest
 from adhesion_can.api.simulation import simulate
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.decoder import Decoder
-from adhesion_can.cli.common import write_json
 from adhesion_can.cli.main import main
+from adhesion_can.cli.outputs import write_json
 from adhesion_can.config.model_file import read_model, write_model
 from adhesion_can.config.plan_file import read_plan, write_plan
 from adhesion_can.config.toml_tables import load_toml

@@ -20,7 +20,7 @@ from adhesion_can.monitoring.snapshot import MessageRole, MessageState, Transpor
 from adhesion_can.printable import printable, say
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.reporting.terminal.view import ViewOptions, ViewPage, draw
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable, console
 from tests.reporting.terminal.snapshots import message, snapshot
 from tests.wire import Bench
 
@@ -79,7 +79,7 @@ def test_there_is_one_place_that_prints():
 def test_tables_and_sentences_hold_escapes(text):
     file = io.StringIO()
     out = console(file)
-    out.print(table(text, (text, "b"), [(text, text)]))
+    out.print(FittingTable(text, (text, "b"), [(text, text)]))
     out.print(text)
     printed = file.getvalue()
     assert not HARMFUL.search(printed)

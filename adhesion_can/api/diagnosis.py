@@ -94,7 +94,7 @@ def diagnose(
     """
     config = as_configuration(configuration)
     files = list_input_files(as_paths(inputs), as_paths(holdout), config.columns)
-    progress = show or _show_nothing
+    progress = show or (lambda _work, _share: None)
     texts = tuple(formulas)
     asked = read_formulas(texts)
     loaded = load_inputs(files, config, progress)
@@ -112,10 +112,6 @@ def diagnose(
         holdout=tuple(file.path for file in files if file.held_out),
     )
     return replace(found, next_step=after_diagnosis(found, typed, config).line)
-
-
-def _show_nothing(_work: str, _share: float) -> None:
-    pass
 
 
 def list_input_files(

@@ -22,9 +22,6 @@ _TIME = re.compile(r"(t|time|timestamp|seconds?|zeit)(\b|_|$)", re.IGNORECASE)
 def as_recordings(given: RecordingLike | Iterable[RecordingLike]) -> list[Recording]:
     """Recordings in the order in which they were given.
 
-    Args:
-        given: One recording or path, or several.
-
     Raises:
         RecordingError: A file is missing, of no known format, or a table.
 

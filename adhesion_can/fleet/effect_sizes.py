@@ -115,10 +115,6 @@ def held_out_gain(units: Sequence[EffectGrams], key: EffectKey) -> tuple[float, 
     With several units each one is predicted with the size of the others. One unit alone is
     predicted by itself, less twice what chance gains (Mallows, Technometrics 15 (1973) 661-675).
 
-    Args:
-        units: Gram matrices of the units.
-        key: Effect.
-
     Returns:
         Share of the sum of squares, and whether units were held out.
 

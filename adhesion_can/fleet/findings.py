@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from adhesion_can.diagnosis.effect_grams import EffectKey
 from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.pooled_size import PooledSize
 
@@ -70,11 +71,20 @@ class FleetFinding:
     named_by: int = 0
     pooled: PooledSize | None = None
 
+    @classmethod
+    def of(cls, key: EffectKey, scope: Scope, where: str, **rest: Any) -> "FleetFinding":
+        """Finding of an effect; `rest` has the other fields."""
+        return cls(scope, where, key.effect, key.form, key.axle, key.parameter, key.unit, **rest)
+
+    @property
+    def key(self) -> EffectKey:
+        """Effect, without a typical size."""
+        return EffectKey(self.effect, self.form, self.axle, self.parameter, self.unit, 1.0)
+
     @property
     def name(self) -> str:
         """Effect id with form and axle."""
-        words = [self.effect, self.form, f"axle {self.axle}" if self.axle else ""]
-        return " ".join(word for word in words if word)
+        return self.key.name
 
     def to_dict(self) -> dict[str, Any]:
         """The finding as JSON has it."""

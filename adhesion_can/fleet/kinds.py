@@ -52,9 +52,6 @@ def find_kinds(units: Iterable[UnitEvidence]) -> tuple[VehicleKind, ...]:
 
     Units without effects and without wheel radii have no part in any.
 
-    Args:
-        units: Evidence of all units.
-
     """
     by_form: dict[VehicleForm, list[UnitEvidence]] = defaultdict(list)
     for one in units:
@@ -87,17 +84,17 @@ def _split(units: Sequence[UnitEvidence]) -> list[list[UnitEvidence]]:
     sets = Counter(frozenset(own) for own in effects.values() if own)
     leader: dict[Effects, Effects] = {}
     for own in sorted(sets, key=lambda one: (-sets[one], -len(one), sorted(one))):
-        like = (other for other in dict.fromkeys(leader.values()) if _are_alike(own, other))
+        like = (
+            other
+            for other in dict.fromkeys(leader.values())
+            if len(own & other) >= ALIKE * len(own | other)
+        )
         leader[own] = next(like, own)
     first = next(iter(leader.values()), frozenset())
     divided: dict[Effects, list[UnitEvidence]] = defaultdict(list)
     for one in units:
         divided[leader.get(frozenset(effects[one.vehicle]), first)].append(one)
     return list(divided.values())
-
-
-def _are_alike(one: Effects, other: Effects) -> bool:
-    return len(one & other) >= ALIKE * len(one | other)
 
 
 def _names(kinds: Sequence[VehicleKind]) -> list[str]:

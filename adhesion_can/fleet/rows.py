@@ -55,13 +55,7 @@ def check_fields(result: CheckResult | TableCheck, problems: Sequence[str] = ())
 
 
 def calibration_fields(result: Calibration, applied: AppliedRadii) -> Row:
-    """Columns of `calibrate`: lists by axle from 1, whose values are None at an axle without any.
-
-    Args:
-        result: Result of the calibration.
-        applied: Radii that the later steps work with.
-
-    """
+    """Columns of `calibrate`: lists by axle from 1, with None at an axle without a value."""
     axles = {one.axle: one for one in result.axles}
 
     def listed(value: Callable[[AxleRadius], float | None]) -> list[float | None]:

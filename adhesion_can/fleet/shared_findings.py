@@ -55,13 +55,22 @@ def find_fleet_effects(
         key = left.keys[j]
         for own in known:
             own[key] = mean.value
-        showing = _showing(left, j, np.arange(len(units)), mean.value)
         found.append(
-            _finding(
-                Scope.FLEET, "", key, mean, 0.0, p, share, int(np.isfinite(left.size[:, j]).sum()),
-                showing, _named_by(units, key),
+            FleetFinding.of(
+                key,
+                Scope.FLEET,
+                "",
+                value=mean.value,
+                std=mean.std,
+                fleet_value=0.0,
+                p_value=p,
+                gain_percent=rmse_percent(share),
+                held_out=False,
+                units=int(np.isfinite(left.size[:, j]).sum()),
+                showing=_showing(left, j, np.arange(len(units)), mean.value),
+                named_by=_named_by(units, key),
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -93,15 +102,24 @@ def find_place_effects(
             continue
         share, j = best
         key, value = left.keys[j], float(compared.size[row, j])
-        mean = Mean(value, float(compared.std[row, j]), int(np.isfinite(left.size[rows, j]).sum()))
         for i in rows:
             known[i][key] = known[i].get(key, 0.0) + value
         found.append(
-            _finding(
-                scope, name, key, mean, 0.0, float(compared.p_value[row, j]), share, mean.units,
-                _showing(left, j, rows, value), _named_by([units[i] for i in rows], key),
+            FleetFinding.of(
+                key,
+                scope,
+                name,
+                value=value,
+                std=float(compared.std[row, j]),
+                fleet_value=0.0,
+                p_value=float(compared.p_value[row, j]),
+                gain_percent=rmse_percent(share),
+                held_out=False,
+                units=int(np.isfinite(left.size[rows, j]).sum()),
+                showing=_showing(left, j, rows, value),
+                named_by=_named_by([units[i] for i in rows], key),
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -113,35 +131,3 @@ def _showing(sizes: EffectSizes, j: int, rows: np.ndarray, value: float) -> int:
 
 def _named_by(units: Sequence[UnitEvidence], key: EffectKey) -> int:
     return sum(key.effect in one.causes for one in units)
-
-
-def _finding(
-    scope: Scope,
-    where: str,
-    key: EffectKey,
-    mean: Mean,
-    fleet: float,
-    p_value: float,
-    share: float,
-    units: int,
-    showing: int,
-    named_by: int,
-) -> FleetFinding:
-    return FleetFinding(
-        scope=scope,
-        where=where,
-        effect=key.effect,
-        form=key.form,
-        axle=key.axle,
-        parameter=key.parameter,
-        unit=key.unit,
-        value=mean.value,
-        std=mean.std,
-        fleet_value=fleet,
-        p_value=p_value,
-        gain_percent=rmse_percent(share),
-        held_out=False,
-        units=units,
-        showing=showing,
-        named_by=named_by,
-    )

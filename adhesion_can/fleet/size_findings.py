@@ -46,14 +46,8 @@ class FindingSizes:
         return found
 
     def with_size(self, finding: FleetFinding, beside: Sequence[FleetFinding] = ()) -> FleetFinding:
-        """The finding with its pooled size.
-
-        Args:
-            finding: Finding.
-            beside: Findings of the same vehicle.
-
-        """
-        key = _key(finding)
+        """The finding with its pooled size."""
+        key = finding.key
         own = self._units_of(finding)
         sizes: list[UnitSize | None]
         if finding.source == COASTING:
@@ -65,7 +59,7 @@ class FindingSizes:
         else:
             spread = self.spreads.get(key, 0.0)
             others = {
-                _key(one): one.value for one in beside if one.source != COASTING and one != finding
+                one.key: one.value for one in beside if one.source != COASTING and one != finding
             }
             sizes = [
                 size_in_unit(unit, key, _without(key, {**self.known.get(unit.unit, {}), **others}))
@@ -121,8 +115,3 @@ def size_findings_of(
 
 def _without(key: EffectKey, sizes: Sizes) -> Sizes:
     return {other: size for other, size in sizes.items() if other != key}
-
-
-def _key(finding: FleetFinding) -> EffectKey:
-    named = finding.effect, finding.form, finding.axle, finding.parameter, finding.unit
-    return EffectKey(*named, 1.0)

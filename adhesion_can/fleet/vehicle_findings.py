@@ -223,14 +223,10 @@ def _effect_finding(
     compared, sizes = statistics.effects, statistics.sizes
     own, key, value = _own(statistics, vehicle), sizes.keys[j], float(compared.size[row, j])
     size, std = sizes.size[own, j], np.sqrt(sizes.variance[own, j])
-    return FleetFinding(
-        scope=Scope.VEHICLE,
-        where=vehicle,
-        effect=key.effect,
-        form=key.form,
-        axle=key.axle,
-        parameter=key.parameter,
-        unit=key.unit,
+    return FleetFinding.of(
+        key,
+        Scope.VEHICLE,
+        vehicle,
         value=value,
         std=float(compared.std[row, j]),
         fleet_value=compared.spreads[j].center,
@@ -255,14 +251,10 @@ def _wheel_findings(
         value = float(wheels.size[row, j])
         size = statistics.radii[own, j]
         found.append(
-            FleetFinding(
-                scope=Scope.VEHICLE,
-                where=vehicle,
-                effect=RADIUS[0],
-                form="",
-                axle=statistics.axles[j],
-                parameter=RADIUS[1],
-                unit=RADIUS[2],
+            FleetFinding.of(
+                _radius_key(statistics.axles[j]),
+                Scope.VEHICLE,
+                vehicle,
                 value=value,
                 std=float(wheels.std[row, j]),
                 fleet_value=wheels.spreads[j].center,
@@ -294,7 +286,10 @@ def _wheel_findings(
 
 def _radius_gain(statistics: VehicleStatistics, vehicle: str, axle: int) -> float | None:
     """Gain of an axle's radius in the regression, RMSE in %; None where it does not gain."""
-    key = EffectKey(RADIUS[0], "", axle, RADIUS[1], RADIUS[2], 1.0)
     own = [statistics.sizes.grams[i] for i in _own(statistics, vehicle)]
-    gain, held_out = held_out_gain(own, key)
+    gain, held_out = held_out_gain(own, _radius_key(axle))
     return rmse_percent(gain) if held_out and gain > 0.0 else None
+
+
+def _radius_key(axle: int) -> EffectKey:
+    return EffectKey(RADIUS[0], "", axle, RADIUS[1], RADIUS[2], 1.0)

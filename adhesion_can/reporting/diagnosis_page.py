@@ -44,7 +44,7 @@ from adhesion_can.reporting.evidence import (
     untested_outcome,
 )
 from adhesion_can.reporting.model_parts import model_parts
-from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
 from adhesion_can.result_text import HELD_OUT_RMSE, plus_minus
 
 Parts = list[Text | Items | Table | Figure]
@@ -67,7 +67,11 @@ def page(
     """
     sections: dict[str, Sequence[Text | Items | Table | Figure]] = {
         "What the simulation gets wrong": _wrong(found),
-        "Refuted explanations that help": _closest(found),
+        "Refuted explanations that help": [
+            Items(closest_sentences(found))
+            if found.closest
+            else Text("No helpful explanation was refuted.")
+        ],
         "One size everywhere?": _environments(found),
         "Gain": _gain(found),
         "Measured and simulated": _simulation_plots(found),
@@ -76,7 +80,7 @@ def page(
         "Curve and data": _curve(found),
         "Evidence for every effect": _evidence(found),
         "Channels": _channels(found),
-        "What would distinguish the rivals": _needed(found),
+        "What would distinguish the rivals": [*_rivals(found), *_drives_that_tell(found)],
         "Not tested or rejected": _untested(found),
         "Extended model": _model(found),
         "Inputs": _inputs(found, problems),
@@ -85,7 +89,7 @@ def page(
         title="What the simulation gets wrong, and why",
         lead=_lead(found),
         verdict=verdict_sentences(found),
-        sections=[Section(name, parts) for name, parts in sections.items()],
+        sections=sections,
         provenance=provenance,
         next_step=found.next_step,
         begin=_begin(found),
@@ -128,12 +132,6 @@ def _wrong(found: Diagnosis) -> Parts:
         about = [f"Literature on {c.effect}: {c.literature}." for c in found.causes]
         parts.append(Items(about))
     return parts
-
-
-def _closest(found: Diagnosis) -> Parts:
-    if not found.closest:
-        return [Text("No helpful explanation was refuted.")]
-    return [Items(closest_sentences(found))]
 
 
 def _environments(found: Diagnosis) -> Parts:
@@ -268,10 +266,6 @@ def _channels(found: Diagnosis) -> Parts:
     )
     caption = "Residual on the deciding data by channel, with the named effects in the model."
     return [Table(caption, CHANNEL_COLUMNS, channel_rows(found.channels), note)]
-
-
-def _needed(found: Diagnosis) -> Parts:
-    return [*_rivals(found), *_drives_that_tell(found)]
 
 
 def _drives_that_tell(found: Diagnosis) -> Parts:

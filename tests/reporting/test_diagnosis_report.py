@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from adhesion_can.cli.common import finite
+from adhesion_can.cli.outputs import finite
 from adhesion_can.diagnosis.cause_result import (
     Cause,
     ClosestExplanation,
@@ -454,7 +454,7 @@ def test_a_recording_that_was_kept_back_for_want_of_others_is_told_as_such():
 
 def test_sizes_by_environment_are_drawn_with_their_intervals():
     made = page(of_files(named(), SOURCES), PROVENANCE)
-    parts = next(s for s in made.sections if s.title == "One size everywhere?").parts
+    parts = made.sections["One size everywhere?"]
     steady, varying = (part for part in parts if isinstance(part, Figure))
     assert [trace["name"] for trace in steady.data] == ["sizes that agree"]
     (trace,) = varying.data
@@ -504,7 +504,8 @@ def test_every_section_is_there_and_nothing_is_loaded(kind):
 )
 def test_figures_are_plotlys(kind, count):
     found = MADE[kind]()
-    parts = [p for s in page(of_files(found, SOURCES), PROVENANCE).sections for p in s.parts]
+    made = page(of_files(found, SOURCES), PROVENANCE)
+    parts = [part for section in made.sections.values() for part in section]
     figures = [part for part in parts if isinstance(part, Figure)]
     assert len(figures) == count
     for figure in figures:
@@ -553,9 +554,8 @@ def test_what_is_told_is_never_markup():
 
 
 def test_the_whisker_is_the_interval_of_the_gain():
-    sections = page(of_files(named(), SOURCES), {}).sections
-    gain = next(section for section in sections if section.title == "Gain")
-    figure = next(part for part in gain.parts if isinstance(part, Figure))
+    gain = page(of_files(named(), SOURCES), {}).sections["Gain"]
+    figure = next(part for part in gain if isinstance(part, Figure))
     (bars,) = figure.data
     before, after, _ = bars["x"]
     more, less = bars["error_x"]["array"][1], bars["error_x"]["arrayminus"][1]
@@ -660,7 +660,7 @@ def test_a_table_shows_measured_against_predicted_adhesion():
     measured = np.linspace(-0.3, 0.3, 50)
     plot = PredictionPlot(measured, 0.8 * measured, measured + 0.01, 500)
     made = page(replace(named(), draw=drawn(prediction=plot)), PROVENANCE)
-    (part,) = next(s for s in made.sections if s.title == "Measured and simulated").parts
+    (part,) = made.sections["Measured and simulated"]
     assert "50 of 500 rows" in part.caption
     points = [trace for trace in part.data if trace["mode"] == "markers"]
     rmse = 0.2 * np.sqrt(np.mean(measured**2))

@@ -16,7 +16,7 @@ from adhesion_can.fleet.page.words import (
     owner,
 )
 from adhesion_can.plurals import counted
-from adhesion_can.reporting.page import Items, Page, Part, Section, Table, Text
+from adhesion_can.reporting.page import Items, Page, Part, Table, Text
 
 MOST_SENTENCES = 5
 """Largest number of vehicles with a sentence of their own at the top of the page."""
@@ -37,7 +37,7 @@ def fleet_page(
     found = overview.diagnosis
     sections: dict[str, list[Part]] = {
         "Vehicles": vehicle_parts(found),
-        "What to run next": _next(commands),
+        "What to run next": [Items(commands)] if commands else [],
         "Sizes by vehicle": size_parts(found),
         "Lines, days and the model": _shared(found),
         "Adhesion by line and day": adhesion_parts(overview.estimates),
@@ -50,7 +50,7 @@ def fleet_page(
         title="What is wrong in this fleet, and why?",
         lead=_lead(overview),
         verdict=_verdict(overview),
-        sections=[Section(name, parts) for name, parts in sections.items() if parts],
+        sections={name: parts for name, parts in sections.items() if parts},
         provenance=provenance,
     )
 
@@ -110,10 +110,6 @@ def _sized(one: VehicleSummary) -> str:
         f"{finding.name}, {finding.parameter} {format_size(finding)}" for finding in one.findings
     )
     return f"{one.vehicle}: {causes}."
-
-
-def _next(commands: Sequence[str]) -> list[Part]:
-    return [Items(commands)] if commands else []
 
 
 def _shared(found: FleetDiagnosis) -> list[Part]:

@@ -15,7 +15,17 @@ from adhesion_can.fleet.page.words import (
 )
 from adhesion_can.fleet.pooled_size import PooledSize, UnitSize
 from adhesion_can.normal_quantiles import NORMAL_95
-from adhesion_can.reporting.charts import BLUE, DARK, GREEN, GREY, ORANGE, Trace
+from adhesion_can.reporting.charts import (
+    BLUE,
+    DARK,
+    GREEN,
+    GREY,
+    ORANGE,
+    Trace,
+    axis,
+    scatter,
+    whiskers,
+)
 from adhesion_can.reporting.page import Figure, Part, Table, Text
 
 MOST_FIGURES, MOST_MARKS = 6, 36
@@ -56,12 +66,7 @@ class _Row(NamedTuple):
 
 
 def size_parts(found: FleetDiagnosis) -> list[Part]:
-    """Forest plots of the causes, and the table of the recordings.
-
-    Args:
-        found: Result of the fleet-level diagnosis.
-
-    """
+    """Forest plots of the causes, and the table of the recordings."""
     shared = [(owner(one), one.pooled) for one in found.shared if one.pooled is not None]
     by_cause: dict[str, list[PooledSize]] = defaultdict(list)
     for size in _sizes_of_vehicles(found):
@@ -172,28 +177,22 @@ def _forest(
     for origin in dict.fromkeys(row.origin for row in shown):
         name, colour, symbol = MARKS[origin]
         own = [(place, row) for place, row in enumerate(shown) if row.origin == origin]
+        half = [factor * NORMAL_95 * row.std for _, row in own]
         data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": name,
-                "x": [factor * row.value for _, row in own],
-                "y": [place for place, _ in own],
-                "customdata": [row.name for _, row in own],
-                "hovertemplate": "%{customdata}<br>%{x:.5g} ± %{error_x.array:.2g}<extra></extra>",
-                "error_x": {
-                    "type": "data",
-                    "array": [factor * NORMAL_95 * row.std for _, row in own],
-                    "color": colour,
-                    "thickness": 1.6,
-                    "width": 4,
-                },
-                "marker": {"color": colour, "size": 11 if origin == MEAN else 8, "symbol": symbol},
-            }
+            scatter(
+                "markers",
+                name,
+                [factor * row.value for _, row in own],
+                [place for place, _ in own],
+                customdata=[row.name for _, row in own],
+                hovertemplate="%{customdata}<br>%{x:.5g} ± %{error_x.array:.2g}<extra></extra>",
+                error_x=whiskers(half, color=colour, thickness=1.6, width=4),
+                marker={"color": colour, "size": 11 if origin == MEAN else 8, "symbol": symbol},
+            )
         )
     shapes = [] if pooled is None else _band(factor, pooled)
     layout = {
-        "xaxis": {"title": {"text": title}, "nticks": 6, "exponentformat": "e"},
+        "xaxis": axis(title, nticks=6, exponentformat="e"),
         "yaxis": {
             "tickvals": list(range(len(shown))),
             "ticktext": [row.name for row in shown],

@@ -1,8 +1,6 @@
 """Vehicles on the page of a fleet: their findings, the worst first, and their kinds."""
 
-from collections.abc import Sequence
-
-from adhesion_can.fleet.findings import FleetDiagnosis, FleetFinding, VehicleSummary
+from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
 from adhesion_can.fleet.page.words import (
     MOST_ROWS,
     format_gain,
@@ -23,16 +21,11 @@ VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "r
 
 
 def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
-    """Tables of findings, of what recordings name by themselves, of failures and of kinds.
-
-    Args:
-        found: Result of the fleet-level diagnosis.
-
-    """
+    """Tables of findings, of what recordings name by themselves, of failures and of kinds."""
     named = found.named
     rows = [
         (
-            one.vehicle if first else "",
+            "" if place else one.vehicle,
             finding.name,
             format_size(finding),
             f"{finding.p_value:.1g}",
@@ -41,7 +34,7 @@ def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
             ", ".join(finding.rivals) or "-",
         )
         for one in named[:MOST_VEHICLES]
-        for first, finding in _numbered(one.findings)
+        for place, finding in enumerate(one.findings)
     ]
     parts: list[Part] = []
     if rows:
@@ -105,10 +98,6 @@ def _kinds(found: FleetDiagnosis) -> list[Part]:
     caption = "Kinds of vehicles: each vehicle is compared only with those of its kind."
     columns = ("kind", "vehicles", "units", "compared")
     return [Table(caption, columns, rows, note, sentence_columns=(0,))]
-
-
-def _numbered(findings: Sequence[FleetFinding]) -> "list[tuple[bool, FleetFinding]]":
-    return [(place == 0, finding) for place, finding in enumerate(findings)]
 
 
 def named_alone(one: VehicleSummary, effect: str) -> str:

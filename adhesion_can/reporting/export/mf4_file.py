@@ -166,13 +166,9 @@ def _stored(field: Field, column: FieldColumn) -> tuple[NDArray[Any], NDArray[np
     values = values.astype(field.dtype, copy=False)
     if missing is not None and missing.any() and not field.text:
         # For readers that do not know of invalidation bits. A text names its missing rows itself.
-        values = np.where(missing, values.dtype.type(_placeholder(values.dtype)), values)
+        placeholder = float("nan") if values.dtype.kind == "f" else 0
+        values = np.where(missing, values.dtype.type(placeholder), values)
     return values, missing
-
-
-def _placeholder(dtype: np.dtype[Any]) -> float:
-    """Number that stands in place of a missing value."""
-    return float("nan") if dtype.kind == "f" else 0
 
 
 def _conversion(field: Field) -> dict[str, Any] | None:
