@@ -4,7 +4,32 @@ import os
 import shlex
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from adhesion_can.errors import InputError
+
+
+@contextmanager
+def needing_extra(name: str, where: str, what: str, note: str = "") -> Iterator[None]:
+    """Imports of packages that come with an extra.
+
+    Args:
+        name: Extra of pyproject.toml.
+        where: Option or file that asks for it.
+        what: What needs which packages.
+        note: What is said behind the missing module.
+
+    Raises:
+        InputError: The extra is not installed.
+
+    """
+    try:
+        yield
+    except ImportError as error:
+        found = f"{what} (no module {error.name!r}){note}"
+        raise InputError(where, found, install_extra(name)) from error
 
 
 def install_extra(name: str) -> str:

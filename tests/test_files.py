@@ -16,8 +16,8 @@ import pytest
 from adhesion_can.api.simulation import simulate
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.decoder import Decoder
-from adhesion_can.cli.common import write_json
 from adhesion_can.cli.main import main
+from adhesion_can.cli.outputs import write_json
 from adhesion_can.config.model_file import read_model, write_model
 from adhesion_can.config.plan_file import read_plan, write_plan
 from adhesion_can.config.toml_tables import load_toml
@@ -29,10 +29,10 @@ from adhesion_can.fleet.dataset import put
 from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.units import read_manifest
 from adhesion_can.reporting.export import (
-    Column,
     Field,
+    FieldColumn,
     Group,
-    Rows,
+    GroupRows,
     file_target,
     open_recording,
     parse_target,
@@ -455,8 +455,8 @@ def test_one_row_of_a_group_is_enough_for_a_part_to_be_joined(tmp_path):
         with open_recording(file_target(tmp_path / "a.csv", "out"), {}) as writer:
             for number in range(200):
                 group = Group(f"m{number}", (Field("x", np.dtype(np.int64)),))
-                column = Column(np.array([number]))
-                writer.write([Rows(group, np.array([0]), np.array([number]), [column])])
+                column = FieldColumn(np.array([number]))
+                writer.write([GroupRows(group, np.array([0]), np.array([number]), [column])])
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
     lines = (tmp_path / "a.csv").read_text().splitlines()

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from rich.cells import cell_len
 
 from adhesion_can.cli.main import main
-from adhesion_can.monitoring.snapshot import Kind, MessageState, Transport
+from adhesion_can.monitoring.snapshot import MessageRole, MessageState, Transport
 from adhesion_can.printable import printable, say
 from adhesion_can.recordings.candump import format_frame
-from adhesion_can.reporting.terminal.view import Page, ViewOptions, draw
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.terminal.view import ViewOptions, ViewPage, draw
+from adhesion_can.reporting.text import FittingTable, console
 from tests.reporting.terminal.snapshots import message, snapshot
 from tests.wire import Bench
 
@@ -79,7 +79,7 @@ def test_there_is_one_place_that_prints():
 def test_tables_and_sentences_hold_escapes(text):
     file = io.StringIO()
     out = console(file)
-    out.print(table(text, (text, "b"), [(text, text)]))
+    out.print(FittingTable(text, (text, "b"), [(text, text)]))
     out.print(text)
     printed = file.getvalue()
     assert not HARMFUL.search(printed)
@@ -190,13 +190,13 @@ def test_names_of_a_database(tmp_path, capfd, name):
     assert said(capfd, "init", "--dbc", database, "--yes")[0] in (0, 2)
 
 
-@pytest.mark.parametrize("page", Page)
+@pytest.mark.parametrize("page", ViewPage)
 @pytest.mark.parametrize("name", [*HOSTILE, "車輪速度" * 8, "é\u0301" * 20])
 def test_the_monitor_draws_no_control(page, name):
     shown = snapshot(
         messages=(
             message(name, 0x101, state=MessageState.SILENT, age_us=9_000_000),
-            message(name, 0x700, Kind.OTHER, cycle_us=None),
+            message(name, 0x700, MessageRole.OTHER, cycle_us=None),
         ),
         transport=Transport(name=name * 3, recording=name, notes=(name, name)),
         remarks=(name,),

@@ -1,11 +1,12 @@
 """Calibration of wheel radii and of the vehicle speed from recordings with coasting."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
 from adhesion_can.api.configuration import ConfigurationLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
+from adhesion_can.bus.block import Block
 from adhesion_can.calibration.coasting import CalibrationSettings, CoastingDrive
 from adhesion_can.calibration.fit import Calibration
 from adhesion_can.calibration.fit import calibrate as _calibrate
@@ -13,6 +14,7 @@ from adhesion_can.config.configuration import Configuration
 from adhesion_can.errors import ConfigError, InputError, RecordingError
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.physics.readings import Role
+from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.sampling.traces import Trace
 
@@ -40,33 +42,39 @@ def calibrate(
     config = as_configuration(configuration)
     require_calibration_roles(config)
     opened = as_recordings(recordings)
-    drives = [
-        build_coasting_drive(
-            load_traces(
-                blocks_in_sequence([one], config.service.restart_s),
-                config,
-                str(one.path),
-                needed_roles(),
-                partly=True,
-            ),
-            config,
-        )
-        for one in opened
-    ]
+    drives = [build_coasting_drive(one, config) for one in load_coasting_traces(opened, config)]
     require_calibration_signals(drives, name_of(opened))
     return _calibrate(drives, config.vehicle, settings or CalibrationSettings())
 
 
-def needed_roles(reference: Trace | None = None) -> set[Role]:
-    """Roles without whose readings a recording is not one of the configured bus.
+def load_coasting_traces(
+    recordings: Sequence[Recording],
+    config: Configuration,
+    reference: Trace | None = None,
+    watched: Callable[[Iterable[Block]], Iterator[Block]] = iter,
+) -> list[LoadedTraces]:
+    """Traces of recordings, each a drive of its own.
 
-    Efforts are not among them, because steady speeds can be used without.
+    Efforts may be missing, because steady speeds can be used without.
 
     Args:
+        recordings: Recordings.
+        config: Messages and roles.
         reference: Vehicle speed of another recorder, where one is used.
+        watched: Passes the blocks on, for a display of the progress.
 
     """
-    return {Role.WHEEL_SPEED} | ({Role.VEHICLE_SPEED} if reference is None else set())
+    needed = {Role.WHEEL_SPEED} | ({Role.VEHICLE_SPEED} if reference is None else set())
+    return [
+        load_traces(
+            watched(blocks_in_sequence([one], config.service.restart_s)),
+            config,
+            str(one.path),
+            needed,
+            partly=True,
+        )
+        for one in recordings
+    ]
 
 
 def build_coasting_drive(

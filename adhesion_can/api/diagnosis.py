@@ -23,7 +23,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import inspect_points, inspect_samples
-from adhesion_can.offline.points import Points
+from adhesion_can.offline.points import MeasuredPoints
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, slips_of_traces
 from adhesion_can.offline.witness import compute_doubt_shares
 from adhesion_can.physics.driving_plan import PlanLimits
@@ -94,7 +94,7 @@ def diagnose(
     """
     config = as_configuration(configuration)
     files = list_input_files(as_paths(inputs), as_paths(holdout), config.columns)
-    progress = show or _show_nothing
+    progress = show or (lambda _work, _share: None)
     texts = tuple(formulas)
     asked = read_formulas(texts)
     loaded = load_inputs(files, config, progress)
@@ -112,10 +112,6 @@ def diagnose(
         holdout=tuple(file.path for file in files if file.held_out),
     )
     return replace(found, next_step=after_diagnosis(found, typed, config).line)
-
-
-def _show_nothing(_work: str, _share: float) -> None:
-    pass
 
 
 def list_input_files(
@@ -248,12 +244,12 @@ def load_from_traces(
     )
 
 
-def _points_of_axles(drive: DriveData) -> Iterator[Points]:
+def _points_of_axles(drive: DriveData) -> Iterator[MeasuredPoints]:
     """Rows of every axle of a recording, to be looked at before anything is fitted."""
     observed = drive.observe()
     for axle in np.unique(drive.axle):
         own = drive.axle == axle
-        yield Points(
+        yield MeasuredPoints(
             observed.slip[own],
             observed.adhesion[own],
             speed=observed.speed[own],

@@ -11,7 +11,7 @@ from adhesion_can.estimation.extended.correction import (
 from adhesion_can.estimation.extended.instrument_removal import remove_instrument_errors
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.samples import Samples
-from adhesion_can.recordings.tables.sample_table import Table
+from adhesion_can.recordings.tables.sample_table import SampleTable
 
 
 def remove_from_samples(
@@ -32,8 +32,8 @@ def remove_from_samples(
 
 
 def remove_from_table(
-    table: Table, model: ExtendedModel, where: str, left_out: Counter[str]
-) -> tuple[Table, float]:
+    table: SampleTable, model: ExtendedModel, where: str, left_out: Counter[str]
+) -> tuple[SampleTable, float]:
     """Rows of a table without the model's effects, and their mean factor: a drive of its own.
 
     Args:

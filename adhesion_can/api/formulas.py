@@ -36,10 +36,6 @@ def read_formulas(texts: Iterable[str]) -> tuple[AnyFormula, ...]:
 def require_formula_applies(formula: AnyFormula, drive: DriveData) -> None:
     """Raise where a formula does not apply to a drive.
 
-    Args:
-        formula: Formula.
-        drive: Drive data.
-
     Raises:
         InputError: The formula lacks a channel, or nothing switches it off.
 

@@ -10,7 +10,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.offline.finding import Finding
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import open_recordings
-from adhesion_can.recordings.tables.sample_table import Table
+from adhesion_can.recordings.tables.sample_table import SampleTable
 
 RecordingLike = str | Path | Recording
 """Recording, or path of its file."""
@@ -21,9 +21,6 @@ _TIME = re.compile(r"(t|time|timestamp|seconds?|zeit)(\b|_|$)", re.IGNORECASE)
 
 def as_recordings(given: RecordingLike | Iterable[RecordingLike]) -> list[Recording]:
     """Recordings in the order in which they were given.
-
-    Args:
-        given: One recording or path, or several.
 
     Raises:
         RecordingError: A file is missing, of no known format, or a table.
@@ -71,7 +68,7 @@ def require_plausible(where: str, findings: Iterable[Finding], *, assumed: bool)
     return sentences
 
 
-def describe_table(name: str, table: Table, slip_max: float) -> list[str]:
+def describe_table(name: str, table: SampleTable, slip_max: float) -> list[str]:
     """Sentences about what was recognised of a table, and what of it is not used.
 
     Args:
@@ -84,7 +81,7 @@ def describe_table(name: str, table: Table, slip_max: float) -> list[str]:
     return [f"{name}: {sentence}" for sentence in found]
 
 
-def _describe_times(table: Table) -> list[str]:
+def _describe_times(table: SampleTable) -> list[str]:
     """That rows count as independent points although a column looks like their time."""
     likely = [name for name in table.samples.covariates if _TIME.match(name)]
     if table.timed or not likely:
@@ -93,7 +90,7 @@ def _describe_times(table: Table) -> list[str]:
     return [f"{what}; if {likely[0]!r} is their time, pass --column time_s={likely[0]}"]
 
 
-def describe_left_out(table: Table, slip_max: float) -> list[str]:
+def describe_left_out(table: SampleTable, slip_max: float) -> list[str]:
     """Sentences about the rows and columns of a table that are not used.
 
     Args:

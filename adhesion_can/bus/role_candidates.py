@@ -14,7 +14,7 @@ from adhesion_can.physics.readings import REQUIRED, Role
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class RoleCandidate:
     """A signal that may have a role that was not found.
 
     Attributes:
@@ -45,7 +45,9 @@ def unused_signals(
                 yield message, signal
 
 
-def candidates(messages: Iterable[Message], guessed: GuessedRoles, role: Role) -> list[Candidate]:
+def candidates(
+    messages: Iterable[Message], guessed: GuessedRoles, role: Role
+) -> list[RoleCandidate]:
     """Signals that may have a role: without a role first, of these those with fitting names.
 
     For a role that is required the unit suffices; for another one the names have to fit too, and
@@ -61,7 +63,7 @@ def candidates(messages: Iterable[Message], guessed: GuessedRoles, role: Role) -
     for message in messages:
         for signal in message.signals:
             uses = guessed.uses_of(f"{message.name}.{signal.name}", role)
-            one = Candidate(message, signal, tuple(uses))
+            one = RoleCandidate(message, signal, tuple(uses))
             words = {*split_words(signal.name)[0], *split_words(message.name)[0]}
             known = SINGLE[role] if role in SINGLE else PAIRS[role][1]
             named = len(words & known)
@@ -83,7 +85,7 @@ def torques(messages: Iterable[Message]) -> list[str]:
     ]
 
 
-def _rank(role: Role, one: Candidate) -> tuple[bool, bool]:
+def _rank(role: Role, one: RoleCandidate) -> tuple[bool, bool]:
     one_sided = role is Role.TRACTIVE_EFFORT and signs_of(one.signal) is Signs.POSITIVE
     return bool(one.uses), one_sided
 

@@ -46,7 +46,7 @@ _SINGULAR = 1e10
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class CalibratedQuantity:
     """Estimate of one quantity.
 
     Attributes:
@@ -76,7 +76,7 @@ class AxleRadius:
 
     axle: int
     configured: float
-    estimate: Quantity | None
+    estimate: CalibratedQuantity | None
     coasting_s: float
     blocks: int
 
@@ -113,8 +113,8 @@ class Calibration:
     """
 
     axles: tuple[AxleRadius, ...]
-    offset: Quantity | None
-    delay: Quantity | None
+    offset: CalibratedQuantity | None
+    delay: CalibratedQuantity | None
     delay_used_s: float
     offset_std: float
     delay_std: float
@@ -178,7 +178,7 @@ class Calibration:
         return html_table("Wheel radii, ± standard error", columns, rows)
 
 
-def _quantity(found: Quantity | None) -> dict[str, Any]:
+def _quantity(found: CalibratedQuantity | None) -> dict[str, Any]:
     if found is None:
         return {"value": None, "std": None, "interval": None}
     return {"value": found.value, "std": found.std, "interval": list(found.interval)}
@@ -277,10 +277,10 @@ class _Fit:
     scale: float
     outliers: float
 
-    def quantity(self, i: int) -> Quantity:
+    def quantity(self, i: int) -> CalibratedQuantity:
         value, std = float(self.values[i]), float(self.stds[i])
         reach = float(scipy.special.stdtrit(self.freedom[i], 0.975)) * std
-        return Quantity(value, std, (value - reach, value + reach))
+        return CalibratedQuantity(value, std, (value - reach, value + reach))
 
 
 def _fit_identifiable(

@@ -56,6 +56,12 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_wait(parser: argparse.ArgumentParser) -> None:
+    """Option --wait."""
+    about = "wait for a bus that does not exist yet"
+    parser.add_argument("--wait", action="store_true", help=about)
+
+
 def bus_opener(options: argparse.Namespace) -> Callable[[], can.BusABC]:
     """Function that opens the bus of the options.
 

@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 
@@ -10,55 +9,59 @@ import numpy as np
 
 from adhesion_can.api.calibration import (
     build_coasting_drive,
-    needed_roles,
+    load_coasting_traces,
     require_calibration_roles,
     require_calibration_signals,
 )
 from adhesion_can.calibration.agreement import agreement_dict
 from adhesion_can.calibration.coasting import CalibrationSettings
 from adhesion_can.calibration.fit import Calibration, calibrate
-from adhesion_can.cli.common import (
-    add_configuration,
-    add_json,
-    configuration,
-    require_outputs,
-    require_positive,
-    talk,
-    write_json,
-)
-from adhesion_can.cli.next_step import print_next, typed_words
+from adhesion_can.cli.common import add_configuration, configuration, require_positive
+from adhesion_can.cli.next_step import typed_words
+from adhesion_can.cli.outputs import add_file, add_json, require_outputs
 from adhesion_can.cli.reading import reading
-from adhesion_can.cli.reports import (
-    add_report,
-    is_asked_for,
-    page_provenance,
-    report_files,
-    require_report,
-    write_report,
-)
+from adhesion_can.cli.reports import Result, add_report
 from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_file import Correction, with_correction
 from adhesion_can.config.calibrated_radii import rim_axles
 from adhesion_can.errors import InputError
 from adhesion_can.files import file_sha256, whole_file
-from adhesion_can.offline.load_traces import LoadedTraces, load_traces
+from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.physics.readings import Role
 from adhesion_can.plurals import counted
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.reference_speed import read_reference, reference_path
-from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.calibration import (
     agreement_line,
     calibration_notes,
-    radius_table,
+    radius_columns,
+    radius_rows,
     speed_lines,
 )
 from adhesion_can.reporting.calibration_page import CoastingPlots, page
 from adhesion_can.reporting.next_steps.after_calibration import after_calibration
+from adhesion_can.reporting.page import Page
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import console
+from adhesion_can.reporting.text import FittingTable
 from adhesion_can.sampling.traces import Trace
 from adhesion_can.version import __version__
+
+_NUMBERS = (
+    ("--adhesion-max", "adhesion_max", "MU", "adhesion below which an axle counts as coasting"),
+    ("--acceleration-max", "acceleration_max", "A", "skip larger accelerations, m/s²"),
+    ("--settle", "settle_s", "S", "time after the start of coasting that is skipped"),
+    (
+        "--block",
+        "block_s",
+        "S",
+        (
+            "length of a block of data; errors of the vehicle speed must be independent after "
+            "about a fifth of it"
+        ),
+    ),
+)
+"""Options of numbers: name, field of the settings, name of the value in the help, and meaning."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,51 +72,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "vehicle speed, from coasting axles, with standard errors."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
-    parser.add_argument(
-        "--out", type=Path, metavar="CONFIG.toml", help="write the configuration with the result"
-    )
+    add_file(parser, "--out", "CONFIG.toml", "write the configuration with the result")
     parser.add_argument(
         "--speed",
         metavar="CSV[:COLUMN]",
         help="vehicle speed of another recorder: m/s or the unit in its heading, time_s on the "
         "recording's clock",
     )
-    parser.add_argument(
-        "--adhesion-max",
-        type=float,
-        default=defaults.adhesion_max,
-        metavar="MU",
-        help=f"adhesion below which an axle counts as coasting (default {defaults.adhesion_max:g})",
-    )
-    parser.add_argument(
-        "--acceleration-max",
-        type=float,
-        default=defaults.acceleration_max,
-        metavar="A",
-        help=f"skip larger accelerations, m/s² (default {defaults.acceleration_max:g})",
-    )
-    parser.add_argument(
-        "--settle",
-        type=float,
-        default=defaults.settle_s,
-        metavar="S",
-        help=f"time after the start of coasting that is skipped (default {defaults.settle_s:g})",
-    )
-    parser.add_argument(
-        "--block",
-        type=float,
-        default=defaults.block_s,
-        metavar="S",
-        help=(
-            "length of a block of data; errors of the vehicle speed must be independent after "
-            f"about a fifth of it (default {defaults.block_s:g})"
-        ),
-    )
+    for option, field, metavar, what in _NUMBERS:
+        default = getattr(defaults, field)
+        about = f"{what} (default {default:g})"
+        parser.add_argument(
+            option, dest=field, type=float, default=default, metavar=metavar, help=about
+        )
     parser.add_argument(
         "--delay",
+        dest="delay_s",
         type=float,
         metavar="S",
-        help=("known delay of the vehicle speed (default: estimated)"),
+        help="known delay of the vehicle speed (default: estimated)",
     )
     add_report(parser)
     add_json(parser)
@@ -125,27 +102,14 @@ def run(options: argparse.Namespace) -> int:
     settings = _settings(options)
     config = configuration(options)
     inputs = [*options.log, *([reference_path(options.speed)[0]] if options.speed else [])]
-    require_outputs(
-        options,
-        {"--out": options.out, "--json": options.json, **report_files(options)},
-        [*inputs, config.database.path],
-        renewed="--out",
-    )
-    require_report(options)
+    require_outputs(options, [*inputs, config.database.path], renewed="--out")
     reference = (
         None if options.speed is None else Trace.from_readings(*read_reference(options.speed))
     )
     require_calibration_roles(config, reference)
     recordings = open_recordings(options.log)
-    loaded = []
     with reading("reading", recordings) as watched:
-        for recording in recordings:
-            blocks = watched(blocks_in_sequence([recording], config.service.restart_s))
-            loaded.append(
-                load_traces(
-                    blocks, config, str(recording.path), needed_roles(reference), partly=True
-                )
-            )
+        loaded = load_coasting_traces(recordings, config, reference, watched)
     drives = [build_coasting_drive(one, config, reference) for one in loaded]
     where = ", ".join(map(str, options.log))
     require_calibration_signals(drives, where, options.speed)
@@ -157,52 +121,43 @@ def run(options: argparse.Namespace) -> int:
     notes = calibration_notes(result, settings, rim, named)
     notes += _notes_on_source(result, loaded, reference)
     problems = describe_problems(recordings)
-    origin = provenance(config, inputs)
     agreement = agreement_line(result)
-    step = after_calibration(result, typed_words(options, options.log), rim)
+    about = [agreement, *speed_lines(result, settings), *notes, *problems]
     document = {**result.to_dict(rim), **agreement_dict(result), "agreement": agreement}
     written = None if options.out is None else str(options.out)
     document |= {"written": written, "notes": notes, "problems": problems}
-    write_json(options.json, {**document, "next": step.line, **origin})
-    lines = [_write_configuration(options, config, _correction(result, config, options, inputs))]
-    if is_asked_for(options):
-        said = page_provenance(origin, options)
+    new = _write_configuration(options, config, _correction(result, config, options, inputs))
+
+    def build_page(said: dict[str, str]) -> Page:
         names = [recording.path.name for recording in recordings]
-        made = CoastingPlots.build(drives, names, config.vehicle, settings, result)
-        about = [agreement, *speed_lines(result, settings), *notes, *problems]
-        report = page(result, made, rim, about, said)
-        lines += write_report(replace(report, next_step=step.line), options)
-    if talk(options):
-        out = console()
-        out.print(radius_table(result, rim))
-        for line in [agreement, *speed_lines(result, settings), *notes, *problems, *lines]:
-            out.print(line, markup=False)
-        print_next(step)
+        plots = CoastingPlots.build(drives, names, config.vehicle, settings, result)
+        return page(result, plots, rim, about, said)
+
+    title = "Wheel radii, ± standard error"
+    radii = FittingTable(title, radius_columns(result), radius_rows(result, rim))
+    Result(
+        document=document,
+        origin=provenance(config, inputs),
+        parts=[radii, *about, new],
+        step=after_calibration(result, typed_words(options, options.log), rim),
+        page=build_page,
+    ).deliver(options)
     return 0
 
 
 def _settings(options: argparse.Namespace) -> CalibrationSettings:
     for name in ("adhesion_max", "acceleration_max"):
         require_positive(getattr(options, name), f"--{name.replace('_', '-')}")
-    if not (isfinite(options.settle) and options.settle >= 0):
-        raise InputError(
-            "--settle", f"{options.settle} is not a waiting time", "give seconds, 0 or more"
-        )
-    if not (isfinite(options.block) and options.block >= 1):
-        raise InputError(
-            "--block",
-            f"{options.block} s is too short for errors to be independent",
-            "give 1 s or more",
-        )
-    if options.delay is not None and not isfinite(options.delay):
-        raise InputError("--delay", f"{options.delay} is not finite", "give seconds")
-    return CalibrationSettings(
-        adhesion_max=options.adhesion_max,
-        acceleration_max=options.acceleration_max,
-        settle_s=options.settle,
-        block_s=options.block,
-        delay_s=options.delay,
-    )
+    settle, block, delay = options.settle_s, options.block_s, options.delay_s
+    if not (isfinite(settle) and settle >= 0):
+        raise InputError("--settle", f"{settle} is not a waiting time", "give seconds, 0 or more")
+    if not (isfinite(block) and block >= 1):
+        what = f"{block} s is too short for errors to be independent"
+        raise InputError("--block", what, "give 1 s or more")
+    if delay is not None and not isfinite(delay):
+        raise InputError("--delay", f"{delay} is not finite", "give seconds")
+    numbers = {field: getattr(options, field) for _, field, *_ in _NUMBERS}
+    return CalibrationSettings(**numbers, delay_s=delay)
 
 
 def _no_coasting(result: Calibration, settings: CalibrationSettings) -> tuple[str, str]:

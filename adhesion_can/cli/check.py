@@ -1,31 +1,18 @@
 """`check`: whether a recording or a table is usable."""
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+from rich.console import RenderableType
 
 from adhesion_can.api.inputs import describe_left_out
 from adhesion_can.api.samples import are_tables
-from adhesion_can.cli.common import (
-    add_columns,
-    add_configuration,
-    add_json,
-    configuration,
-    require_outputs,
-    talk,
-    write_json,
-)
-from adhesion_can.cli.next_step import print_next, typed_words
+from adhesion_can.cli.common import add_columns, add_configuration, configuration
+from adhesion_can.cli.next_step import typed_words
+from adhesion_can.cli.outputs import add_json, require_outputs
 from adhesion_can.cli.reading import reading
-from adhesion_can.cli.reports import (
-    add_report,
-    is_asked_for,
-    page_provenance,
-    report_files,
-    require_report,
-    write_report,
-)
+from adhesion_can.cli.reports import Result, add_report
 from adhesion_can.config import Configuration
 from adhesion_can.offline.check import CheckResult, check
 from adhesion_can.offline.check_table import TableCheck, check_table
@@ -48,7 +35,7 @@ from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, Checked, legen
 from adhesion_can.reporting.data_quality import MESSAGE_COLUMNS, message_rows
 from adhesion_can.reporting.next_steps.after_recording import after_check
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,9 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    written = {"--json": options.json, **report_files(options)}
-    require_outputs(options, written, [*options.log, config.database.path])
-    require_report(options)
+    require_outputs(options, [*options.log, config.database.path])
     if are_tables(options.log, config):
         return _check_tables(options, config)
     recordings = open_recordings(options.log)
@@ -85,17 +70,13 @@ def run(options: argparse.Namespace) -> int:
     result.warnings.extend(describe_remarks(recordings))
     names = distinct_names(options.log)
     result.findings[:0] = [f"{n}: {r.kind}" for n, r in zip(names, recordings, strict=True)]
-    origin = provenance(config, options.log)
-    step = after_check([result], typed_words(options, options.log))
-    write_json(options.json, {**result.as_json(), "next": step.line, **origin})
-    lines = []
-    if is_asked_for(options):
-        report = recording_page(result, config, page_provenance(origin, options))
-        lines = write_report(replace(report, next_step=step.line), options)
-    if talk(options):
-        _print(result)
-        _print_lines(lines)
-        print_next(step)
+    Result(
+        document=result.as_json(),
+        origin=provenance(config, options.log),
+        parts=_parts(result),
+        step=after_check([result], typed_words(options, options.log)),
+        page=lambda said: recording_page(result, config, said),
+    ).deliver(options)
     return 1 if result.failures else 0
 
 
@@ -105,60 +86,40 @@ def _check_tables(options: argparse.Namespace, config: Configuration) -> int:
     for name, path in zip(distinct_names(options.log), options.log, strict=True):
         rows = read_table(path, config.columns)
         results.append(check_table(name, rows, describe_left_out(rows, slip_max), config))
-    step = after_check(results, typed_words(options, options.log, tables=True))
-    document = {"tables": [result.to_dict() for result in results], "next": step.line}
-    origin = provenance(config, options.log)
-    write_json(options.json, {**document, **origin})
-    lines = []
-    if is_asked_for(options):
-        report = table_page(results, page_provenance(origin, options))
-        lines = write_report(replace(report, next_step=step.line), options)
-    if talk(options):
-        for result in results:
-            _print_table(result)
-        _print_lines(lines)
-        print_next(step)
+    Result(
+        document={"tables": [result.to_dict() for result in results]},
+        origin=provenance(config, options.log),
+        parts=_table_parts(results),
+        step=after_check(results, typed_words(options, options.log, tables=True)),
+        page=lambda said: table_page(results, said),
+    ).deliver(options)
     return 1 if any(result.failures for result in results) else 0
 
 
-def _print_lines(lines: Sequence[str]) -> None:
-    for line in lines:
-        console().print(line, markup=False)
+def _table_parts(results: Sequence[TableCheck]) -> Iterator[RenderableType]:
+    for result in results:
+        title = f"{result.name}: {result.rows} rows"
+        yield FittingTable(title, COLUMN_COLUMNS, column_rows(result))
+        yield from _sentences(result)
 
 
-def _print_table(result: TableCheck) -> None:
-    out = console()
-    title = f"{result.name}: {result.rows} rows"
-    out.print(table(title, COLUMN_COLUMNS, column_rows(result)))
-    _print_sentences(result)
-
-
-def _print(result: CheckResult) -> None:
-    out = console()
-    out.print(
+def _parts(result: CheckResult) -> Iterator[RenderableType]:
+    yield (
         f"{result.frames} frames in {result.duration_s:.1f} s{result.times.note}, "
         f"{result.unknown} with other ids; {len(result.samples)} samples"
     )
-    out.print(table("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records)))
+    yield FittingTable("Messages", MESSAGE_COLUMNS, message_rows(result.receiver.records))
     if result.misfit is None or not result.misfit.of_other_bus:
-        _print_signals(result)
-    _print_sentences(result)
+        yield FittingTable("Signals", SIGNAL_COLUMNS, signal_rows(result))
+        if result.noise:
+            noise = [noise_row(compared) for compared in result.noise]
+            yield FittingTable("Noise, standard deviation", NOISE_COLUMNS, noise)
+            yield NOISE_NOTE
+            yield ""
+    yield from _sentences(result)
 
 
-def _print_signals(result: CheckResult) -> None:
-    out = console()
-    out.print(table("Signals", SIGNAL_COLUMNS, signal_rows(result)))
-    if result.noise:
-        noise = [noise_row(compared) for compared in result.noise]
-        out.print(table("Noise, standard deviation", NOISE_COLUMNS, noise))
-        out.print(NOISE_NOTE)
-        out.print()
-
-
-def _print_sentences(result: Checked) -> None:
-    out = console()
-    out.print(f"({legend([result])})", markup=False)
-    for kind in KINDS:
-        for line in kind.lines([result]):
-            out.print(f"{kind.tag}: {line}", markup=False)
-    out.print(f"verdict: {verdict([result])}")
+def _sentences(result: Checked) -> Iterator[str]:
+    yield f"({legend([result])})"
+    yield from (f"{kind.tag}: {line}" for kind in KINDS for line in kind.lines([result]))
+    yield f"verdict: {verdict([result])}"

@@ -1,10 +1,9 @@
-"""Common parts of the commands: options, opening a bus, writing JSON, progress."""
+"""Common parts of the commands: options of their inputs, configuration and progress."""
 
 import argparse
-import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 from adhesion_can.bus.database import DATABASE_SUFFIXES, CanDatabase
 from adhesion_can.cli.bars import bar
 from adhesion_can.errors import InputError
-from adhesion_can.files import whole_file
 from adhesion_can.printable import say
-from adhesion_can.recordings.formats import require_text_name
 
 if TYPE_CHECKING:
     from adhesion_can.config import Configuration
@@ -93,11 +90,6 @@ def add_model(parser: argparse.ArgumentParser, what: str) -> None:
     )
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Option --json."""
-    parser.add_argument("--json", metavar="F", help="write the result as JSON; - for stdout")
-
-
 def configuration(options: argparse.Namespace) -> "Configuration":
     """Configuration that the options name, with the extended model where one is named."""
     from adhesion_can.config import load_configuration  # noqa: PLC0415  `convert` needs none
@@ -124,34 +116,6 @@ def configuration(options: argparse.Namespace) -> "Configuration":
     from adhesion_can.config.model_file import read_model  # noqa: PLC0415  who has a model pays
 
     return replace(config, model=read_model(model))
-
-
-def write_json(target: str | None, document: dict[str, Any], *, own_name: bool = False) -> None:
-    """Write a result to the target of --json; None for no output; `own_name` as of a whole file."""
-    if target is None:
-        return
-    text = json.dumps(finite(document), indent=2, allow_nan=False) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-    else:
-        with whole_file(Path(target), own_name=own_name) as file:
-            file.write(text)
-
-
-def finite(value: Any) -> Any:
-    """Value with None for every number that JSON cannot express."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def talk(options: argparse.Namespace) -> bool:
-    """Whether stdout is free for text: not when it carries the JSON."""
-    return getattr(options, "json", None) != "-"
 
 
 @contextmanager
@@ -185,67 +149,7 @@ def require_positive(value: float, name: str, unit: str = "seconds") -> None:
         raise InputError(name, f"{value:g} is not a positive number", f"give {unit} above 0")
 
 
-_CANDUMP_OPTIONS = ("--log", "--frames", "--record")
-"""Options that name an output of candump text."""
-
-
-def require_outputs(
-    options: argparse.Namespace,
-    written: Mapping[str, Path | str | None],
-    read: Iterable[Path] = (),
-    *,
-    renewed: str = "",
-) -> None:
-    """Raise an InputError where an output cannot be, or would take the place of another file.
-
-    Called before the work, which may take hours or be a recording.
-
-    Args:
-        options: Options, of which --config, --dbc and --model are inputs as well.
-        written: Outputs by their options; None and '-' are none.
-        read: Paths of the other inputs.
-        renewed: Option that may name the file of --config, which is read before it is written.
-
-    """
-    given = {name: getattr(options, name, None) for name in ("config", "dbc", "model")}
-    inputs = (*read, *(path for path in given.values() if path is not None))
-    taken = {_place(path): "one of the inputs" for path in inputs}
-    config = None if given["config"] is None else _place(given["config"])
-    for option, value in written.items():
-        if value is None or value == "-":
-            continue
-        path = Path(value)
-        where = f"{option} {path}"
-        place = _place(path, where)
-        if path.is_dir():
-            raise InputError(where, "is a folder", "name a file")
-        if not path.resolve().parent.is_dir():
-            raise InputError(where, "its folder does not exist", "create the folder first")
-        if place in taken and not (option == renewed and place == config):
-            raise InputError(where, f"is {taken[place]}", "name another file")
-        taken[place] = f"also the file of {option}"
-        if option in _CANDUMP_OPTIONS:
-            require_text_name(path, where)
-
-
-def _place(path: Path, where: str = "") -> tuple[int, int] | Path:
-    """Identity of a file whatever its name; links are followed."""
-    try:
-        state = path.stat()
-    except (FileNotFoundError, NotADirectoryError):
-        return path.resolve()
-    except OSError as error:
-        raise InputError(
-            where or str(path), error.strerror or "cannot be used", "check the path"
-        ) from error
-    return state.st_dev, state.st_ino
-
-
-def make_folder(path: Path, option: str) -> None:
-    """Make an output's folder; raise an InputError where that cannot be done."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{option} {path}", error.strerror or "cannot be created", "name another folder"
-        ) from error
+def tell_all(observers: Sequence[Callable[..., None]], *told: Any) -> None:
+    """Call each observer with what there is to tell."""
+    for observer in observers:
+        observer(*told)

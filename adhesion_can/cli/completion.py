@@ -7,7 +7,10 @@ from pathlib import Path
 
 from adhesion_can.cli.commands import COMMANDS
 from adhesion_can.errors import InputError
+from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.extras import install_extra
+from adhesion_can.physics.effects import EFFECTS
+from adhesion_can.simulation.scenarios import SCENARIOS
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -56,27 +59,9 @@ def _complete(name: str, parser: argparse.ArgumentParser, file: object) -> None:
             action.choices = names()
 
 
-def _scenarios() -> Sequence[str]:
-    from adhesion_can.simulation.scenarios import SCENARIOS  # noqa: PLC0415
-
-    return [scenario.name for scenario in SCENARIOS]
-
-
-def _effects() -> Sequence[str]:
-    from adhesion_can.physics.effects import EFFECTS  # noqa: PLC0415
-
-    return list(dict.fromkeys(effect.id for effect in EFFECTS))
-
-
-def _estimators() -> Sequence[str]:
-    from adhesion_can.estimation.registry import known_estimators  # noqa: PLC0415
-
-    return list(known_estimators())
-
-
 _NAMES: Mapping[tuple[str, str], Callable[[], Sequence[str]]] = {
-    ("simulate", "scenario"): _scenarios,
-    ("simulate", "effect"): _effects,
-    ("replay", "estimator"): _estimators,
+    ("simulate", "scenario"): lambda: [one.name for one in SCENARIOS],
+    ("simulate", "effect"): lambda: list(dict.fromkeys(effect.id for effect in EFFECTS)),
+    ("replay", "estimator"): lambda: list(known_estimators()),
 }
 """Names that an option takes, by command and destination."""

@@ -12,15 +12,9 @@ from pathlib import Path
 from types import FrameType
 
 from adhesion_can.bus.frame import Frame
-from adhesion_can.cli.bus_options import add_bus, bus_opener
-from adhesion_can.cli.common import (
-    add_configuration,
-    add_json,
-    configuration,
-    require_positive,
-    talk,
-    write_json,
-)
+from adhesion_can.cli.bus_options import add_bus, add_wait, bus_opener
+from adhesion_can.cli.common import add_configuration, configuration, require_positive
+from adhesion_can.cli.outputs import add_json, talk, write_json
 from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.config.plan_file import read_plan
 from adhesion_can.control.creep_controller import CreepController, Mode
@@ -49,9 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PLAN.toml",
         help="drive this plan, written by diagnose --next-drive",
     )
-    parser.add_argument(
-        "--wait", action="store_true", help="wait for a bus that does not exist yet"
-    )
+    add_wait(parser)
     parser.add_argument("--duration", type=float, metavar="S", help="end after this time")
     add_json(parser)
     add_configuration(parser)

@@ -20,7 +20,7 @@ from adhesion_can.recordings.problems import (
     no_frame_error,
 )
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.reporting.export import Rows, Writer
+from adhesion_can.reporting.export import GroupRows, Writer
 from adhesion_can.reporting.export.messages import MessageRows, id_text
 
 _SHOWN = 10
@@ -70,7 +70,7 @@ class Conversion:
         rows, frames = self._rows.build(*self._decode(block, file))
         writer.write(rows, frames)
 
-    def decode(self, block: Block, file: int) -> tuple[list[Message], list[Rows]]:
+    def decode(self, block: Block, file: int) -> tuple[list[Message], list[GroupRows]]:
         """Messages and rows of a block of the `file`-th recording; the block is counted."""
         decoded, wanted = self._decode(block, file)
         kept = [columns.message for columns in decoded if (columns.outcome == 0).any()]
@@ -108,8 +108,10 @@ class Conversion:
         frames = sum(count.frames for count in report.counts.values())
         if decoded > LEAST_ACCEPTED * frames:
             return
-        known = ", ".join(sorted(_id(message) for message in self._database.db.messages)[:_SHOWN])
-        database = f"{self._database.path.name} has {len(self._database.db.messages)}: {known}"
+        messages = self._database.db.messages
+        ids = [id_text(one.frame_id, one.is_extended_frame) for one in messages]
+        known = ", ".join(sorted(ids)[:_SHOWN])
+        database = f"{self._database.path.name} has {len(messages)}: {known}"
         if report.counts:
             reasons: Counter[str] = Counter()
             for count in report.counts.values():
@@ -221,10 +223,6 @@ class Conversion:
             message, _, signal = name.partition(".")
             if message in messages and (not (signal and chosen) or chosen(message, signal)):
                 yield f"{name}: cannot be decoded: {reason}"
-
-
-def _id(message: Message) -> str:
-    return id_text(message.frame_id, message.is_extended_frame)
 
 
 def counts_text(counts: Mapping[str, int]) -> str:

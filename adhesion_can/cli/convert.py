@@ -12,16 +12,9 @@ from rich import filesize
 
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import CanDatabase, load_database
-from adhesion_can.cli.common import (
-    add_json,
-    add_lenient,
-    require_database,
-    require_outputs,
-    talk,
-    tell_left_out,
-    write_json,
-)
+from adhesion_can.cli.common import add_lenient, require_database, tell_left_out
 from adhesion_can.cli.conversion import Conversion, counts_text
+from adhesion_can.cli.outputs import add_json, require_outputs, talk, write_json
 from adhesion_can.cli.reading import Watched, reading
 from adhesion_can.cli.signal_filter import SignalFilter
 from adhesion_can.errors import InputError
@@ -42,7 +35,7 @@ from adhesion_can.reporting.export.message_folder import LIST
 from adhesion_can.reporting.export.messages import id_text
 from adhesion_can.reporting.export.raster import Raster, parse_raster
 from adhesion_can.reporting.provenance import provenance_of_database, texts
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable, console
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -151,14 +144,10 @@ _Given = tuple[CanDatabase, SignalFilter | None, str | None]
 
 def _require_outputs(options: argparse.Namespace, target: Target) -> None:
     """Raise an InputError where an output cannot be, or takes the place of another file."""
-    out: Path | None = target.path
-    if target.is_stdout:
-        out = None
-        if options.json == "-":
-            raise InputError("--json -", "stdout has the Arrow stream", "name a file")
-    elif target.is_folder and target.path.exists():
-        out = target.path / LIST
-    require_outputs(options, {"--out": out, "--json": options.json}, options.log)
+    if target.is_stdout and options.json == "-":
+        raise InputError("--json -", "stdout has the Arrow stream", "name a file")
+    out = target.path / LIST if target.is_folder and target.path.exists() else target.path
+    require_outputs(options, options.log, own={} if target.is_stdout else {"--out": out})
 
 
 def _convert(
@@ -260,7 +249,7 @@ def _print(document: Mapping[str, Any], file: TextIO) -> None:
         for message in sorted(document["messages"], key=lambda message: message["id"])
     ]
     columns = ("message", "frames", "decoded", "rejected", "lost")
-    out.print(table("Messages", columns, rows))
+    out.print(FittingTable("Messages", columns, rows))
     unknown = Counter(
         {
             f"{id_text(one['id'], one['extended'])} {one['name']}".strip(): one["frames"]
@@ -277,11 +266,11 @@ def _print(document: Mapping[str, Any], file: TextIO) -> None:
         total = sum(counts.values())
         if total:
             held = {name: count for name, count in counts.items() if count}
-            out.print(f"{head}: {total} frames ({counts_text(held)})", markup=False)
+            out.print(f"{head}: {total} frames ({counts_text(held)})")
     for line in document["problems"]:
-        out.print(line, markup=False)
+        out.print(line)
     written = document["output"]
     if written["bytes"] is not None:
         files = f"{written['files']} files, " if "files" in written else ""
         size = filesize.decimal(written["bytes"])
-        out.print(f"{written['path']}: {files}{size}", markup=False)
+        out.print(f"{written['path']}: {files}{size}")

@@ -21,23 +21,9 @@ import can
 from rich.live import Live
 
 from adhesion_can.bus.frame import Frame
-from adhesion_can.cli.common import (
-    add_json,
-    make_folder,
-    own_command,
-    require_outputs,
-    require_positive,
-    talk,
-    write_json,
-)
-from adhesion_can.cli.reports import (
-    add_report,
-    missing_report,
-    page_provenance,
-    report_files,
-    require_report,
-    write_report,
-)
+from adhesion_can.cli.common import own_command, require_positive
+from adhesion_can.cli.outputs import add_json, make_folder, require_outputs, talk, write_json
+from adhesion_can.cli.reports import add_report, missing_report, page_provenance, write_report
 from adhesion_can.config import Configuration, load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.doubt.settings import EXACT
@@ -105,11 +91,9 @@ def run(options: argparse.Namespace) -> int:
             "--duration", f"{options.duration:g} s is too short", f"give {SHORTEST_S:g} s or more"
         )
     make_folder(options.out, "--out")
-    own = {f"--out {name}": options.out / name for name in ("demo.log", "truth.json", "demo.json")}
+    names = ("demo.log", "truth.json", "demo.json", "report.html")
+    require_outputs(options, own={f"--out {name}": options.out / name for name in names})
     html = options.out / "report.html"
-    own["--out report.html"] = html
-    require_outputs(options, {**own, **report_files(options), "--json": options.json})
-    require_report(options)
     missing = missing_report(html)
     config = load_configuration()
     # The simulated locomotive's instruments have no error, as those of a calibrated vehicle.
@@ -123,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
     summary = {"phases": [phase.as_json() for phase in found], **provenance(config)}
     write_json(str(options.out / "demo.json"), summary, own_name=True)
     write_json(options.json, summary)
-    written = [missing]
+    written = [f"no report: {missing}"]
     if not missing:
         _, *pictures = write_report(_page(bench, found, options), options, html)
         written = [*pictures, f"report: {html}; in a browser: {html.resolve().as_uri()}"]
@@ -135,10 +119,10 @@ def run(options: argparse.Namespace) -> int:
             "used: adhesion as a share of mu_max"
         )
         command, log = own_command(), options.out / "demo.log"
-        out.print(f"recording of all frames: {log}", markup=False)
+        out.print(f"recording of all frames: {log}")
         for line in written:
-            out.print(line, markup=False, soft_wrap=True)
-        out.print(f"next: {command} replay {log}, or {command} --help", markup=False)
+            out.print(line, soft_wrap=True)
+        out.print(f"next: {command} replay {log}, or {command} --help")
     return 0
 
 

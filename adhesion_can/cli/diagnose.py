@@ -2,11 +2,11 @@
 
 import argparse
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from adhesion_can.api.diagnosis import (
     diagnose_inputs,
@@ -16,38 +16,20 @@ from adhesion_can.api.diagnosis import (
 )
 from adhesion_can.api.formulas import read_formulas
 from adhesion_can.cli.bars import bar
-from adhesion_can.cli.common import (
-    add_columns,
-    add_configuration,
-    add_json,
-    configuration,
-    require_outputs,
-    talk,
-    write_json,
-)
-from adhesion_can.cli.next_step import print_next, typed_words
-from adhesion_can.cli.reports import (
-    add_report,
-    is_asked_for,
-    report_files,
-    require_report,
-    write_report,
-)
-from adhesion_can.config import Configuration
+from adhesion_can.cli.common import add_columns, add_configuration, configuration
+from adhesion_can.cli.next_step import typed_words
+from adhesion_can.cli.outputs import add_file, add_json, require_outputs
+from adhesion_can.cli.reports import Result, add_report, is_asked_for
 from adhesion_can.config.model_file import write_model
 from adhesion_can.config.plan_file import write_plan
 from adhesion_can.diagnosis.diagnose import ShowProgress
 from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.reporting.diagnosed_drives import drive_parts, spans_of_a_drive
-from adhesion_can.reporting.diagnosis import (
-    has_extension,
-    terminal,
-)
+from adhesion_can.reporting.diagnosis import has_extension, terminal
 from adhesion_can.reporting.diagnosis_page import page
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import console
 from adhesion_can.simulation.plan_limits import limits_of
 from adhesion_can.version import __version__
 
@@ -72,20 +54,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
     )
     add_report(parser)
-    parser.add_argument(
+    add_file(
+        parser,
         "--extended",
-        type=Path,
-        metavar="MODEL.toml",
-        help="write the extended model, for --model of run, replay, identify and simulate",
+        "MODEL.toml",
+        "write the extended model, for --model of run, replay, identify and simulate",
     )
-    parser.add_argument(
+    add_file(
+        parser,
         "--next-drive",
-        type=Path,
-        metavar="PLAN.toml",
-        help=(
-            "compute the shortest drive that distinguishes the remaining explanations, within "
-            "[limits] of the configuration, and write it for --plan of control and simulate"
-        ),
+        "PLAN.toml",
+        "compute the shortest drive that distinguishes the remaining explanations, within "
+        "[limits] of the configuration, and write it for --plan of control and simulate",
     )
     parser.add_argument(
         "--witness",
@@ -115,7 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    _require_outputs(options, config)
+    require_outputs(options, [*options.inputs, *options.holdout, config.database.path])
     formulas, planned = read_formulas(options.formula), options.next_drive is not None
     input_files = list_input_files(options.inputs, options.holdout, config.columns)
     with _progress() as show:
@@ -154,16 +134,15 @@ def run(options: argparse.Namespace) -> int:
             written.append(options.next_drive)
         else:
             problems.append(f"--next-drive {options.next_drive}: not written, there is no plan")
-    write_json(options.json, {**found.to_dict(), "problems": problems, **origin})
-    report = []
-    if is_asked_for(options):
-        drives = {read.input_file.name: read.signals for read in loaded if read.signals is not None}
-        over_time = drive_parts(drives, config, found)
-        report = write_report(page(found, _page_provenance(origin), problems, over_time), options)
-    if talk(options):
-        written += [] if options.json is None else [options.json]
-        _print(found, [*problems, *(f"written: {path}" for path in written), *report])
-        print_next(step)
+    written += [] if options.json is None else [options.json]
+    drives = {read.input_file.name: read.signals for read in loaded if read.signals is not None}
+    Result(
+        document={**found.to_dict(), "problems": problems},
+        origin=origin,
+        parts=chain(terminal(found), problems, (f"written: {path}" for path in written)),
+        step=step,
+        page=lambda said: page(found, said, problems, drive_parts(drives, config, found)),
+    ).deliver(options)
     return 0
 
 
@@ -176,10 +155,10 @@ def build_command_line(options: argparse.Namespace) -> str:
         arguments += ["--formula", text]
     for text in options.column:
         arguments += ["--column", text]
-    for name in ("html", "png", "svg", "extended", "next_drive", "json", "config", "dbc"):
-        value = getattr(options, name)
+    named = {one.option: one.value(options) for one in options.outputs if one.is_file}
+    for option, value in {**named, "--config": options.config, "--dbc": options.dbc}.items():
         if value is not None:
-            arguments += [f"--{name.replace('_', '-')}", _quote_argument(value)]
+            arguments += [option, _quote_argument(value)]
     arguments += [f"--{name}" for name in ("witness", "open", "lenient") if getattr(options, name)]
     return shlex.join(arguments)
 
@@ -188,18 +167,6 @@ def _quote_argument(value: Path | str) -> str:
     """A file as an argument: its name must not look like an option, but for the '-' of --json."""
     text = str(value)
     return f"./{text}" if text.startswith("-") and isinstance(value, Path) else text
-
-
-# ------------------------------------------------------------------------- before the work
-
-
-def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
-    """Raise an InputError for outputs that could not be written after the work."""
-    written = {**report_files(options), "--extended": options.extended, "--json": options.json}
-    written["--next-drive"] = options.next_drive
-    read = [*options.inputs, *options.holdout, config.database.path]
-    require_outputs(options, written, read)
-    require_report(options)
 
 
 # ------------------------------------------------------------------------------------ work
@@ -233,25 +200,3 @@ def _describe_model_file(found: Diagnosis, options: argparse.Namespace) -> list[
         what = "contains the plain curve, because there is no extension"
         return [f"--extended {options.extended}: {what}"]
     return []
-
-
-def _page_provenance(origin: dict[str, Any]) -> dict[str, str]:
-    """Provenance for a page."""
-    entries = {"command": str(origin["command"]), "version": str(origin["version"])}
-    for name in ("dbc", "configuration"):
-        one = origin[name]
-        hashed = f", sha256 {one['sha256']}" if one["sha256"] else ""
-        entries[name] = f"{one['path']}{hashed}"
-    return entries
-
-
-def _print(found: Diagnosis, notes: Sequence[str]) -> None:
-    out = console()
-    for part in terminal(found):
-        if isinstance(part, str):
-            # Names of files hold brackets, which are no markup.
-            out.print(part, markup=False)
-        else:
-            out.print(part)
-    for note in notes:
-        out.print(note, markup=False)

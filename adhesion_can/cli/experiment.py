@@ -17,15 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adhesion_can.cli.common import (
-    add_json,
-    make_folder,
-    progress,
-    require_outputs,
-    talk,
-    write_json,
-)
-from adhesion_can.cli.reports import add_report, report_files, require_report, write_report
+from adhesion_can.cli.common import progress
+from adhesion_can.cli.outputs import add_json, make_folder, require_outputs, talk, write_json
+from adhesion_can.cli.reports import add_report, missing_report, write_report
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.registry import estimator_by_name, known_estimators, oracle
@@ -34,7 +28,6 @@ from adhesion_can.experiments.runs import (
     EXPERIMENTS,
     EstimatorRun,
     Experiment,
-    Participant,
     participants,
     run_once,
 )
@@ -48,8 +41,7 @@ from adhesion_can.reporting.experiment import (
     page,
     verdict,
 )
-from adhesion_can.reporting.page import require_extra
-from adhesion_can.reporting.text import PIPE_WIDTH, console, table
+from adhesion_can.reporting.text import PIPE_WIDTH, FittingTable, console
 from adhesion_can.version import __version__
 
 RUNS = 20
@@ -112,8 +104,8 @@ def run(options: argparse.Namespace) -> int:
     _check(options)
     experiment = _experiment(options)
     out = options.out / f"experiment-{options.number}"
-    missing = _missing_extra(out.with_suffix(".html"))
-    if missing is not None:
+    missing = missing_report(out.with_suffix(".html"))
+    if missing:
         say(f"writing the numbers, but no page: {missing}")
     names = tuple(n for n in known_estimators() if not options.estimator or n in options.estimator)
     outcomes = _run_all(experiment, options, names)
@@ -125,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
         writer.writerow(CSV_COLUMNS)
         writer.writerows(csv_rows(outcomes))
     report: list[str] = []
-    if missing is None:
+    if not missing:
         texts = {name: str(value) for name, value in provenance.items() if value}
         report = write_report(page(outcomes, texts), options, out.with_suffix(".html"))
     write_json(options.json, numbers)
@@ -151,8 +143,7 @@ def _check(options: argparse.Namespace) -> None:
     make_folder(options.out, "--out")
     out = options.out / f"experiment-{options.number}"
     own = {f"--out {suffix}": out.with_suffix(suffix) for suffix in (".html", ".json", ".csv")}
-    require_outputs(options, {**own, **report_files(options), "--json": options.json})
-    require_report(options)
+    require_outputs(options, own=own)
 
 
 def _experiment(options: argparse.Namespace) -> Experiment:
@@ -171,23 +162,10 @@ def _experiment(options: argparse.Namespace) -> Experiment:
     return replace(experiment, theta0=(c1, c2, c3))
 
 
-def _missing_extra(page_file: Path) -> InputError | None:
-    """Why there can be no page; known before the runs, not after them."""
-    try:
-        require_extra(str(page_file))
-    except InputError as error:
-        return error
-    return None
-
-
-def _participants(experiment: Experiment, names: Sequence[str]) -> dict[str, Participant]:
-    made = {name: estimator_by_name(name) for name in names}
-    return participants(experiment, made, oracle)
-
-
 def _work(task: _Task) -> dict[str, EstimatorRun]:
     """One run, in a worker process: estimators are made there, by name."""
-    who = _participants(task.experiment, task.names)
+    made = {name: estimator_by_name(name) for name in task.names}
+    who = participants(task.experiment, made, oracle)
     return run_once(
         task.experiment, task.noise_std, task.run, task.seed, who, clock=time.perf_counter
     )
@@ -251,11 +229,11 @@ def _provenance(options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _print(outcomes: Sequence[NoiseLevelResult], out: Path, missing: InputError | None) -> None:
+def _print(outcomes: Sequence[NoiseLevelResult], out: Path, missing: str) -> None:
     screen = console()
     for made in outcomes:
         shown = merit_table(made)
-        screen.print(table(shown.caption, shown.columns, shown.rows))
+        screen.print(FittingTable(shown.caption, shown.columns, shown.rows))
     lines = [*fill(merit_table(outcomes[0]).note, PIPE_WIDTH).splitlines(), ""]
     for made in outcomes:
         lines += verdict(made)
@@ -264,5 +242,4 @@ def _print(outcomes: Sequence[NoiseLevelResult], out: Path, missing: InputError 
     if missing:
         lines.append(f"no page: {missing}")
     for line in lines:
-        # Names of files and extras hold brackets, which are no markup.
-        screen.print(line, markup=False)
+        screen.print(line)

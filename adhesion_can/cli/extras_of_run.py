@@ -8,7 +8,7 @@ from can.util import CAN_FD_DLC
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.errors import InputError
-from adhesion_can.extras import install_extra
+from adhesion_can.extras import needing_extra
 from adhesion_can.service.frame_log import LogBehind
 from adhesion_can.service.live import LiveService
 
@@ -33,15 +33,9 @@ def read_secoc(options: argparse.Namespace, sizes: Mapping[str, int]) -> Callabl
         raise InputError(where, "no file for the trip counter is given", "pass --secoc-trip FILE")
     if not getattr(options, "fd", False):  # python-can leaves out what is not given
         raise InputError(where, "secured frames need CAN FD", "open the bus with --fd")
-    try:
+    with needing_extra("secoc", where, "needs cryptography"):
         from adhesion_can.bus.secoc import TRAILER_BYTES, FrameAuthenticator  # noqa: PLC0415
         from adhesion_can.service.secoc_files import TripFile, read_key  # noqa: PLC0415
-    except ImportError as error:
-        raise InputError(
-            where,
-            f"needs cryptography (no module {error.name!r})",
-            install_extra("secoc"),
-        ) from error
     for name, size in sizes.items():
         if size + TRAILER_BYTES not in CAN_FD_DLC:
             raise InputError(
@@ -74,15 +68,9 @@ def serve_metrics(
     """
     host, port = listen_at
     where = f"--metrics {host}:{port}"
-    try:
+    with needing_extra("metrics", where, "needs prometheus-client"):
         from adhesion_can.service.metrics import ServiceCollector  # noqa: PLC0415
         from adhesion_can.service.metrics_server import MetricsServer  # noqa: PLC0415
-    except ImportError as error:
-        raise InputError(
-            where,
-            f"needs prometheus-client (no module {error.name!r})",
-            install_extra("metrics"),
-        ) from error
     lost = (lambda: 0) if log is None else (lambda: log.lost)
     try:
         server = MetricsServer(host, port, ServiceCollector(service, lost))

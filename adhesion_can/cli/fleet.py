@@ -5,28 +5,25 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from adhesion_can.cli.bars import bar
 from adhesion_can.cli.common import (
     add_columns,
     add_configuration,
-    add_json,
     add_model,
     configuration,
-    require_outputs,
-    talk,
-    write_json,
 )
 from adhesion_can.cli.fleet_next import NextCommand, next_commands
 from adhesion_can.cli.fleet_summary import Summary, describe
+from adhesion_can.cli.outputs import add_json, require_outputs, talk, write_json
 from adhesion_can.cli.reports import missing_report, page_provenance
 from adhesion_can.errors import InputError
-from adhesion_can.extras import install_extra
+from adhesion_can.extras import needing_extra
+from adhesion_can.fleet.page.build_page import fleet_page
 from adhesion_can.fleet.schema import STEPS
 from adhesion_can.plurals import counted
 from adhesion_can.printable import say
-from adhesion_can.reporting.fleet_page import fleet_page
 from adhesion_can.reporting.page import render
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import console
@@ -95,7 +92,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    _require_extra()
+    with needing_extra("fleet", "fleet", "needs dask.distributed, fsspec and pyarrow"):
+        import distributed  # noqa: F401, PLC0415
+        import fsspec  # noqa: F401, PLC0415
+        import pyarrow as pa  # noqa: F401, PLC0415
     # The modules below need the extra.
     from adhesion_can.fleet.dataset import DataSet  # noqa: PLC0415
     from adhesion_can.fleet.plan import make_plan, read_steps  # noqa: PLC0415
@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
     steps = read_steps(options.steps)
     units = _units(options)
     local = [Path(unit.path) for unit in units if "://" not in unit.path]
-    require_outputs(options, {"--json": options.json}, local)
+    require_outputs(options, local)
     plan = make_plan(units, options.out, steps, lambda path: _configuration(options, path))
     data = DataSet(options.out)
     kept = data.read_units()
@@ -146,16 +146,6 @@ def _work(options: argparse.Namespace, tasks: "Sequence[Task]", summary: "Summar
             summary.add(outcome)
             done += sizes[outcome.path]
             shown.update(done / total, summary.progress, what="fleet")
-
-
-def _require_extra() -> None:
-    try:
-        import distributed  # noqa: F401, PLC0415
-        import fsspec  # noqa: F401, PLC0415
-        import pyarrow as pa  # noqa: F401, PLC0415
-    except ImportError as error:
-        what = f"needs dask.distributed, fsspec and pyarrow (no module {error.name!r})"
-        raise InputError("fleet", what, install_extra("fleet")) from error
 
 
 def _require_options(options: argparse.Namespace) -> None:
@@ -204,7 +194,7 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
     config = next(iter(plan.configurations.values()))
     origin = provenance(config)
     del origin["inputs"]  # the table `units` has them, with their hashes
-    diagnosed = _diagnose(options, origin, plan.units)
+    verdict, written, commands = _diagnose(options, origin, plan.units)
     took_s = monotonic() - summary.began_s
     failed = sorted(summary.failed)
     document = {
@@ -220,22 +210,22 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
         "vehicles": dict(sorted(summary.vehicles.items())),
         "recorded_s": summary.recorded_s,
         "seconds": took_s,
-        **_next_entries(diagnosed.commands),
+        **_next_entries(commands),
         **origin,
     }
     write_json(options.json, document)
     if talk(options):
-        for line in [*describe(options, summary, failed, took_s), *diagnosed.verdict]:
-            console().print(line, markup=False)
-        console().print(
+        out = console()
+        for line in (
+            *describe(options, summary, failed, took_s),
+            *verdict,
             f"written: {options.out} (docs/fleet.md: tables and first queries)",
-            markup=False,
-        )
-        for line in diagnosed.written:
-            console().print(line, markup=False)
-        for command in diagnosed.commands[:1]:
+            *written,
+        ):
+            out.print(line)
+        for command in commands[:1]:
             # A command on one line can be copied, however narrow the terminal.
-            console().print(command.line, markup=False, soft_wrap=True)
+            out.print(command.line, soft_wrap=True)
 
 
 def _next_entries(commands: Sequence[NextCommand]) -> dict[str, Any]:
@@ -246,25 +236,15 @@ def _next_entries(commands: Sequence[NextCommand]) -> dict[str, Any]:
     }
 
 
-class _Diagnosed(NamedTuple):
-    """Diagnosis of the whole fleet, as the command reports it.
-
-    Attributes:
-        verdict: Sentences.
-        written: Line for each file.
-        commands: Commands to run next.
-
-    """
-
-    verdict: list[str]
-    written: list[str]
-    commands: list[NextCommand]
-
-
 def _diagnose(
     options: argparse.Namespace, origin: dict[str, Any], units: "Sequence[Unit]"
-) -> _Diagnosed:
-    """Diagnose the whole fleet, and write its files and its page."""
+) -> tuple[Sequence[str], list[str], list[NextCommand]]:
+    """Diagnose the whole fleet, and write its files and its page.
+
+    Returns:
+        Sentences of the verdict, a line for each file, and the commands to run next.
+
+    """
     from adhesion_can.fleet.dataset import DataSet  # noqa: PLC0415  needs the extra
     from adhesion_can.fleet.results import (  # noqa: PLC0415  needs the extra
         PAGE,
@@ -283,7 +263,7 @@ def _diagnose(
     made = replace(made, next_step=commands[0].line if commands else "")
     missing = missing_report(Path(PAGE))
     if missing:
-        lines.append(missing)
+        lines.append(f"no report: {missing}")
     else:
         lines.append(f"written: {write_beside(data, PAGE, render(made).encode())}")
-    return _Diagnosed(list(made.verdict), lines, commands)
+    return made.verdict, lines, commands

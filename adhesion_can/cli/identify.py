@@ -1,9 +1,12 @@
 """`identify`: one batch fit, its standard errors, and whether the peak is identifiable."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
+
+from rich.console import RenderableType
 
 from adhesion_can.api.identification import ALL_CURVES, families_by_option
 from adhesion_can.api.samples import (
@@ -15,16 +18,14 @@ from adhesion_can.api.samples import (
 from adhesion_can.cli.common import (
     add_columns,
     add_configuration,
-    add_json,
     add_model,
     configuration,
     left_out_lines,
-    require_outputs,
-    talk,
-    write_json,
 )
-from adhesion_can.cli.next_step import print_next, typed_words
+from adhesion_can.cli.next_step import typed_words
+from adhesion_can.cli.outputs import add_json, require_outputs
 from adhesion_can.cli.reading import reading
+from adhesion_can.cli.reports import Result
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.batch_fit import identify
@@ -36,7 +37,7 @@ from adhesion_can.recordings.sequence import open_recordings
 from adhesion_can.reporting.curves import family_lines, render_curves
 from adhesion_can.reporting.next_steps.after_recording import after_identification
 from adhesion_can.reporting.provenance import provenance
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable
 
 WORTH_TELLING = 0.02
 """Deviation from 1 from which a mean factor of the adhesion is reported."""
@@ -64,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    require_outputs(options, {"--json": options.json}, [*options.inputs, config.database.path])
+    require_outputs(options, [*options.inputs, config.database.path])
     loaded = _load(options.inputs, config)
     problems, left_out = loaded.problems, loaded.left_out
     settings, noise = config.estimators.identifiability, config.estimators.noise
@@ -85,22 +86,13 @@ def run(options: argparse.Namespace) -> int:
         )
     extension = {} if config.model is None else _extension_json(config.model, loaded)
     tables = are_tables(options.inputs, config)
-    step = after_identification(result, typed_words(options, options.inputs, tables=tables))
-    write_json(
-        options.json,
-        {
-            **result.to_dict(),
-            **extension,
-            "problems": problems,
-            "next": step.line,
-            **provenance(config, options.inputs),
-        },
-    )
-    if talk(options):
-        _print(result, [*problems, *left_out_lines(left_out)], config.model, loaded.factor)
-        for part in render_curves(result):
-            console().print(part, markup=False)
-        print_next(step)
+    notes = [*problems, *left_out_lines(left_out)]
+    Result(
+        document={**result.to_dict(), **extension, "problems": problems},
+        origin=provenance(config, options.inputs),
+        parts=chain(_parts(result, notes, config.model, loaded.factor), render_curves(result)),
+        step=after_identification(result, typed_words(options, options.inputs, tables=tables)),
+    ).deliver(options)
     return 0
 
 
@@ -124,37 +116,31 @@ def _extension_json(model: ExtendedModel, loaded: LoadedSamples) -> dict[str, An
     }
 
 
-def _print(
-    result: BatchResult, problems: list[str], model: ExtendedModel | None, factor: float
-) -> None:
-    out = console()
-    for line in family_lines(result):
-        out.print(line, markup=False)
+def _parts(
+    result: BatchResult, notes: list[str], model: ExtendedModel | None, factor: float
+) -> Iterator[RenderableType]:
+    yield from family_lines(result)
     rows = [(result.times.span(s.from_us, s.to_us), *_cells(s.estimate)) for s in result.segments]
     if len(result.segments) > 1:
         identifiable, _, _, *others = _cells(result.whole)
         rows.append(("all together", identifiable, "-", "-", *others))
     columns = ("time s", "identifiable", "mu_max", "lambda_m", "samples", "c1", "c2", "c3", "noise")
-    out.print(table(f"Batch fit, ± standard deviation{result.times.note}", columns, rows))
+    yield FittingTable(f"Batch fit, ± standard deviation{result.times.note}", columns, rows)
     if model is not None:
         effects = ", ".join(model.names) or "no effects"
-        where = model.where
-        out.print(f"Base curve of the extended model {where}: without {effects}.", markup=False)
+        yield f"Base curve of the extended model {model.where}: without {effects}."
         if abs(factor - 1.0) > WORTH_TELLING:
-            out.print(
+            yield (
                 f"In these data its effects multiply the adhesion by {factor:.3g} on average: "
                 f"mu_max is {factor * result.whole.mu_max:.4f} there."
             )
     if len(result.segments) > 1:
-        out.print(
+        yield (
             f"The curve changed {len(result.segments) - 1} times: a single curve does not "
             "describe the data; see the surfaces."
         )
-    for segment in result.segments:
-        if sentence := segment.sentence(result.times):
-            out.print(sentence, markup=False)
-    for line in problems:
-        out.print(line, markup=False)
+    yield from filter(None, (segment.sentence(result.times) for segment in result.segments))
+    yield from notes
 
 
 def _cells(e: Estimate) -> tuple[str, ...]:

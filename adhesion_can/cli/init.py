@@ -13,12 +13,12 @@ from adhesion_can.bus.units import known_units
 from adhesion_can.cli.common import (
     add_lenient,
     require_database,
-    require_outputs,
     require_positive,
     tell_left_out,
 )
 from adhesion_can.cli.init_numbers import meaning, require_usual
 from adhesion_can.cli.init_questions import ask, ask_second_file
+from adhesion_can.cli.outputs import add_file, require_outputs
 from adhesion_can.config.initial_file import (
     InitialConfiguration,
     candidate_text,
@@ -55,9 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "file with one axle of each is offered for 'simulate', beside --out."
     )
     parser.add_argument("--dbc", type=Path, required=True, metavar="F", help="CAN database")
-    parser.add_argument(
-        "--out", type=Path, metavar="CONFIG.toml", help="file to write (default: stdout)"
-    )
+    add_file(parser, "--out", "CONFIG.toml", "file to write (default: stdout)")
     parser.add_argument(
         "--overwrite",
         action="store_true",
@@ -74,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     given = {key: value for key in _OPTIONS if (value := getattr(options, key)) is not None}
     for key, value in given.items():
         require_positive(value, _OPTIONS[key][0], _OPTIONS[key][2])
-    require_outputs(options, {"--out": options.out})
+    require_outputs(options)
     if options.out is not None and options.out.is_file() and not options.overwrite:
         raise InputError(
             f"--out {options.out}",

@@ -9,15 +9,15 @@ import sys
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from math import inf, isfinite
 from pathlib import Path
 
-from adhesion_can.cli.bus_options import add_bus, bus_is_configured, bus_opener
+from adhesion_can.cli.bus_options import add_bus, add_wait, bus_is_configured, bus_opener
 from adhesion_can.cli.common import (
     add_configuration,
     add_model,
     configuration,
-    require_outputs,
     require_positive,
 )
 from adhesion_can.cli.monitor_lines import write_lines
@@ -25,10 +25,11 @@ from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.cli.monitor_source import NOTES, LiveSource, Source
 from adhesion_can.cli.monitor_viewer import VIEWER
+from adhesion_can.cli.outputs import add_file, add_json, require_candump_name, require_outputs
 from adhesion_can.cli.silence import bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.errors import AdhesionCanError, ConfigError, InputError
-from adhesion_can.extras import install_extra
+from adhesion_can.extras import needing_extra
 from adhesion_can.printable import say
 from adhesion_can.service.bus_listener import EVERY_ID, BusListener
 from adhesion_can.service.core import ServiceCore
@@ -48,9 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--plain", action="store_true", help=("print a line at each interval, for pipes")
     )
-    parser.add_argument(
-        "--json", metavar="F", help="write one JSON object per line at each interval; - for stdout"
-    )
+    add_json(parser, "write one JSON object per line at each interval")
     parser.add_argument(
         "--every", type=float, default=1.0, metavar="S", help="time between lines (default 1)"
     )
@@ -76,11 +75,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=("start at this time of a recording"),
     )
-    parser.add_argument("--record", type=Path, metavar="F", help="record all frames as candump")
+    add_file(parser, "--record", "F", "record all frames as candump", require_candump_name)
     parser.add_argument("--duration", type=float, metavar="S", help="end after this time")
-    parser.add_argument(
-        "--wait", action="store_true", help="wait for a bus that does not exist yet"
-    )
+    add_wait(parser)
     parser.add_argument(
         "--serve",
         action="store_true",
@@ -134,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
     config = configuration(options)
     if options.viewer:
         return _view_in_page(options, config)
-    require_outputs(options, {"--json": options.json, "--record": options.record}, options.log)
+    require_outputs(options, options.log)
     if options.serve:
         return _serve(options, config)
     in_lines = options.plain or options.json is not None or not _on_terminal()
@@ -158,12 +155,8 @@ def _show(options: argparse.Namespace, config: Configuration, make_app: _AppMake
 
 def _serve(options: argparse.Namespace, config: Configuration) -> int:
     """Serve the view until Ctrl-C; what cannot be shown is an error before it."""
-    try:
+    with needing_extra("serve", "--serve", "needs textual-serve"):
         from adhesion_can.cli.monitor_server import serve  # noqa: PLC0415  an extra
-    except ImportError as error:
-        raise InputError(
-            "--serve", f"needs textual-serve (no module {error.name!r})", install_extra("serve")
-        ) from error
     if not options.wait:
         _open_source(options, config, in_lines=True).close()
     return serve(options.command_line, options.port or 0, options.duration)
@@ -211,7 +204,7 @@ def _require_options(options: argparse.Namespace) -> None:
 
 def _open_source(options: argparse.Namespace, config: Configuration, *, in_lines: bool) -> Source:
     if not options.log:
-        return _open_bus(options, config, _note_printer() if in_lines else None)
+        return _open_bus(options, config, say if in_lines else None)
     extent = survey(options.log, config)
     if options.from_s > extent.duration_s:
         raise InputError(
@@ -221,7 +214,7 @@ def _open_source(options: argparse.Namespace, config: Configuration, *, in_lines
         )
     make_core = None
     if options.estimate or (not extent.has_service and _can_estimate(config)):
-        make_core = _core_maker(config)
+        make_core = partial(ServiceCore, config)
         make_core()  # a configuration that cannot serve is an error before anything is shown
     chosen = options.speed or (inf if in_lines else 1.0)
     return LogSource(options.log, extent, make_core, from_s=options.from_s, speed=chosen)
@@ -232,20 +225,12 @@ def _open_bus(
 ) -> LiveSource:
     notes: deque[str] = deque(maxlen=NOTES)
     tell = notify or notes.append
-    core = _core_maker(config)() if options.estimate else None
+    core = ServiceCore(config) if options.estimate else None
     bus = ReconnectingBus(bus_opener(options), EVERY_ID, tell, wait_for_it=options.wait)
     name = bus_name(options, bus.channel_info)
     listener = BusListener(bus, tell)
     listener.start()
     return LiveSource(listener, name, core, notes)
-
-
-def _note_printer() -> Callable[[str], None]:
-    return say
-
-
-def _core_maker(config: Configuration) -> Callable[[], ServiceCore]:
-    return lambda: ServiceCore(config)
 
 
 def _can_estimate(config: Configuration) -> bool:
@@ -267,14 +252,8 @@ def _app_maker(parent: int | None = None) -> _AppMaker:
         InputError: The extra is not installed.
 
     """
-    try:
+    with needing_extra("tui", "the view", "needs Textual", "; --plain does not"):
         from adhesion_can.cli.monitor_app import MonitorApp  # noqa: PLC0415  an extra
-    except ImportError as error:
-        raise InputError(
-            "the view",
-            f"needs Textual (no module {error.name!r}); --plain does not",
-            install_extra("tui"),
-        ) from error
 
     def show(session: MonitorSession, duration_s: float | None) -> int:
         app = MonitorApp(session, duration_s, parent)

@@ -20,7 +20,7 @@ from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.errors import InputError
 from adhesion_can.monitoring.snapshot import Snapshot
 from adhesion_can.reporting.terminal.tables import matching, selected_message
-from adhesion_can.reporting.terminal.view import Page, ViewOptions, draw, last_row
+from adhesion_can.reporting.terminal.view import ViewOptions, ViewPage, draw, last_row
 
 PERIOD_S = 0.1
 """Time between two drawings, s."""
@@ -30,7 +30,7 @@ PROMPTS = {
     "filter": "filter: messages with this in name or id; empty: all",
     "jump": "jump to: 90 or 1:30 after the first frame; +10 or -10 from now",
 }
-BACK = {Page.SIGNALS: Page.MESSAGES}
+BACK = {ViewPage.SIGNALS: ViewPage.MESSAGES}
 """Page behind another one; the overview where none is named."""
 CSS = """
 Screen { background: ansi_default; layers: view prompt; }
@@ -157,27 +157,29 @@ class MonitorApp(App[None]):
 
     def action_page(self, name: str) -> None:
         """Show a page; the same once more: the overview."""
-        page = Page[name]
-        self._show(Page.OVERVIEW if self.view.chosen.page is page else page)
+        page = ViewPage[name]
+        self._show(ViewPage.OVERVIEW if self.view.chosen.page is page else page)
 
     def action_open(self) -> None:
         """Open the list of messages, and from it the signals of the selected one."""
         page = self.view.chosen.page
-        self._show(Page.SIGNALS if page in (Page.MESSAGES, Page.SIGNALS) else Page.MESSAGES)
+        self._show(
+            ViewPage.SIGNALS if page in (ViewPage.MESSAGES, ViewPage.SIGNALS) else ViewPage.MESSAGES
+        )
 
     def action_leave(self) -> None:
         """Leave the prompt without an answer, or go one page back."""
         if self.query_one(Input).display:
             self._hide_line()
             return
-        self._show(BACK.get(self.view.chosen.page, Page.OVERVIEW))
+        self._show(BACK.get(self.view.chosen.page, ViewPage.OVERVIEW))
 
     def action_scroll_rows(self, rows: int) -> None:
         """Scroll the page, or select another message of the list; not past the last row."""
         shown, chosen = self.view.snapshot, self.view.chosen
         if shown is None:
             return
-        if chosen.page is Page.MESSAGES:
+        if chosen.page is ViewPage.MESSAGES:
             found = matching(shown.messages, chosen.wanted)
             view = selected_message(shown.messages, chosen.wanted, chosen.selected)
             if view is not None:
@@ -189,7 +191,7 @@ class MonitorApp(App[None]):
             self.view.chosen = replace(chosen, first_row=first)
         self.view.refresh()
 
-    def _show(self, page: Page) -> None:
+    def _show(self, page: ViewPage) -> None:
         self.view.chosen = replace(self.view.chosen, page=page, first_row=0)
         self.view.refresh()
 

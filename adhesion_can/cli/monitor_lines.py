@@ -12,9 +12,9 @@ from pathlib import Path
 from types import FrameType
 from typing import TextIO
 
-from adhesion_can.cli.common import finite, talk
 from adhesion_can.cli.monitor_session import MonitorSession
 from adhesion_can.cli.monitor_source import Source
+from adhesion_can.cli.outputs import finite, talk
 from adhesion_can.cli.silence import SilenceWatch, nothing_received
 from adhesion_can.config import Configuration
 from adhesion_can.files import whole_file

@@ -1,14 +1,11 @@
-"""The last line of a command: the step that follows, on terminal, page and in JSON."""
+"""What the user typed, for the line with the step that follows."""
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from adhesion_can.cli.common import own_command
-from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
-from adhesion_can.reporting.text import console
-
-_OUTPUTS = ("extended", "next_drive", "out")
+from adhesion_can.reporting.next_steps.next_step import Typed
 
 
 def typed_words(
@@ -33,7 +30,6 @@ def typed_words(
     assume = getattr(options, "assume", None)
     if assume is not None:
         columns += ["--assume", assume]
-    named = {name: getattr(options, name, None) for name in _OUTPUTS}
     return Typed(
         inputs=tuple(inputs),
         tables=tables,
@@ -43,10 +39,5 @@ def typed_words(
         formulas=tuple(getattr(options, "formula", ())),
         holdout=tuple(getattr(options, "holdout", ())),
         model=getattr(options, "model", None),
-        outputs={f"--{name.replace('_', '-')}": path for name, path in named.items() if path},
+        outputs={one.option: path for one in options.outputs if (path := one.value(options))},
     )
-
-
-def print_next(step: NextStep) -> None:
-    """Print the line with which a command ends."""
-    console().print(step.line, markup=False)

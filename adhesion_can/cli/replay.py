@@ -1,65 +1,54 @@
 """`replay`: the service over recordings, with its frames, its setpoints and its misfit."""
 
 import argparse
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from itertools import chain
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from rich.console import RenderableType
+
 from adhesion_can.bus.block import Block, Kind
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_configuration,
-    add_json,
     add_model,
     configuration,
     left_out_lines,
-    require_outputs,
-    talk,
-    write_json,
+    tell_all,
 )
-from adhesion_can.cli.next_step import print_next, typed_words
+from adhesion_can.cli.next_step import typed_words
+from adhesion_can.cli.outputs import add_file, add_json, require_candump_name, require_outputs
 from adhesion_can.cli.reading import reading
-from adhesion_can.cli.reports import (
-    add_report,
-    is_asked_for,
-    page_provenance,
-    report_files,
-    require_report,
-    write_report,
-)
+from adhesion_can.cli.reports import Result, add_report, is_asked_for
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.registry import known_estimators
 from adhesion_can.files import whole_file
-from adhesion_can.offline.fit_errors import Misfit, MisfitCollector
+from adhesion_can.offline.fit_errors import CurveMisfit, MisfitCollector
 from adhesion_can.offline.missing_samples import describe_dropped
 from adhesion_can.offline.recording_fit import SeenIds, require_accepted, require_fit
 from adhesion_can.offline.stamps import in_seconds
-from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
-from adhesion_can.physics.estimate import Estimate
-from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.drive.page import page
-from adhesion_can.reporting.drive.recorder import DriveRecorder, NoRecorder
+from adhesion_can.reporting.drive.recorder import DriveRecorder
 from adhesion_can.reporting.drive.replayed import replay_texts
 from adhesion_can.reporting.export import require_format
 from adhesion_can.reporting.next_steps.after_recording import after_replay
-from adhesion_can.reporting.objections import ObjectionLog
+from adhesion_can.reporting.page import Page
 from adhesion_can.reporting.provenance import provenance, texts
 from adhesion_can.reporting.sample_rows import sample_table
+from adhesion_can.reporting.setpoint_counts import SetpointCounts
 from adhesion_can.reporting.setpoints import setpoint_table
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
@@ -75,21 +64,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "The share by which --model reduces it agrees with the gain that 'diagnose' reports."
     )
     parser.add_argument("log", nargs="+", type=Path, metavar="LOG")
-    parser.add_argument(
-        "--frames", type=Path, metavar="OUT.log", help="write the sent frames (candump)"
-    )
-    parser.add_argument(
-        "--table",
-        type=Path,
-        metavar="OUT.csv|.parquet|.mf4",
-        help="write one row per setpoint; in MF4, time starts at the first one",
-    )
-    parser.add_argument(
-        "--samples",
-        type=Path,
-        metavar="F.csv|.parquet|.mf4",
-        help="write one row per sample; 'identify' and 'diagnose' read it as a TABLE",
-    )
+    sent = "write the sent frames (candump)"
+    add_file(parser, "--frames", "OUT.log", sent, require_candump_name)
+    rows = "write one row per setpoint; in MF4, time starts at the first one"
+    add_file(parser, "--table", "OUT.csv|.parquet|.mf4", rows, require_format)
+    rows = "write one row per sample; 'identify' and 'diagnose' read it as a TABLE"
+    add_file(parser, "--samples", "F.csv|.parquet|.mf4", rows, require_format)
     parser.add_argument(
         "--estimator", metavar="NAME", help=f"one of {', '.join(known_estimators())}"
     )
@@ -109,42 +89,45 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
     """Run the command."""
     _require_span(options)
     config = configuration(options)
-    _require_outputs(options, config)
+    require_outputs(options, [*options.log, config.database.path])
     make = partial(config.make_estimator, options.estimator)
     make()  # an unknown name is an error before the work, not after it
     recordings = open_recordings(options.log)
-    setpoints = _SetpointCounts()
+    setpoints = SetpointCounts()
     origin = provenance(config, options.log)
+    slip_max = config.estimators.identifiability.slip_max
+    recorder = DriveRecorder(slip_max)
+    collector, channel, seen = MisfitCollector(config), _Channel(), SeenIds()
+    of_setpoints: list[Callable[[int, Outputs], None]] = [setpoints.add]
+    of_samples: list[Callable[[Samples], None]] = [collector.add]
     with ExitStack() as stack:
-        write_row = _row_writer(stack, options.table, texts(origin))
+        if options.table:
+            of_setpoints.append(stack.enter_context(setpoint_table(options.table, texts(origin))))
+        if options.samples:
+            to_table = stack.enter_context(
+                sample_table(options.samples, texts(origin), config.covariates(), slip_max)
+            )
+            of_samples.append(lambda samples: to_table(samples, core.estimate))
+        has_page = is_asked_for(options)
+        if has_page:
+            of_setpoints.append(recorder.add)
+            of_samples.append(recorder.add_samples)
         frames = stack.enter_context(whole_file(options.frames)) if options.frames else None
-        channel, seen = _Channel(), SeenIds()
-
-        slip_max = config.estimators.identifiability.slip_max
-        recorder = DriveRecorder(slip_max) if is_asked_for(options) else NoRecorder()
-
-        def on_setpoint(t_us: int, outputs: Outputs) -> None:
-            setpoints.add(t_us, outputs)
-            write_row(t_us, outputs)
-            recorder.add(t_us, outputs)
 
         def send(frame: Frame) -> None:
             if frames is not None:
                 frames.write(format_frame(frame, channel.name))
 
-        collector = MisfitCollector(config)
-        add_samples = _sample_writer(stack, options.samples, texts(origin), config)
-
-        def on_samples(samples: Samples) -> None:
-            collector.add(samples)
-            add_samples(samples, core.estimate)
-            recorder.add_samples(samples)
-
         watched = stack.enter_context(reading("replaying", recordings))
         where = ", ".join(map(str, options.log))
         span = {"from_s": options.from_s, "to_s": options.to_s}
-        on_readings = recorder.add_readings if isinstance(recorder, DriveRecorder) else None
-        core = ServiceCore(config, make, on_setpoint, on_samples, on_readings)
+        core = ServiceCore(
+            config,
+            make,
+            on_setpoint=partial(tell_all, of_setpoints),
+            on_samples=partial(tell_all, of_samples),
+            on_readings=recorder.add_readings if has_page else None,
+        )
         read = watched(blocks_in_sequence(recordings, config.service.restart_s))
         blocks = channel.watch(seen.watch(in_seconds(read, config.messages, where)))
         if options.realtime:
@@ -161,8 +144,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
     require_fit(core.receiver, summary.frames, seen, config, where, samples=samples)
     problems = describe_problems(recordings)
     misfit = collector.compute()
-    document = _document(summary, core, setpoints, problems)
-    document["fit"] = None if misfit is None else misfit.as_json()
+    fit = _describe_fit(misfit, config)
     step = after_replay(
         core.estimate,
         setpoints.doubts,
@@ -170,19 +152,18 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
         typed_words(options, options.log),
         None if samples else describe_dropped(core.dropped_samples, config),
     )
-    write_json(options.json, {**document, "next": step.line, **origin})
-    fit = _describe_fit(misfit, config)
-    written = []
-    if isinstance(recorder, DriveRecorder):
-        said = page_provenance(origin, options)
+
+    def build_page(said: dict[str, str]) -> Page:
         about = replay_texts(summary, core, problems, [fit], said)
-        report = page(recorder.result(), about, config)
-        written = write_report(replace(report, next_step=step.line), options)
-    if talk(options):
-        _print(summary, core, setpoints, problems)
-        for line in (fit, *written):
-            console().print(line, markup=False)
-        print_next(step)
+        return page(recorder.result(), about, config)
+
+    Result(
+        document=_document(summary, core, setpoints, problems, misfit),
+        origin=origin,
+        parts=chain(_parts(summary, core, setpoints, problems), [fit]),
+        step=step,
+        page=build_page,
+    ).deliver(options)
     return 0
 
 
@@ -199,73 +180,6 @@ def _require_span(options: argparse.Namespace) -> None:
         )
 
 
-def _require_outputs(options: argparse.Namespace, config: Configuration) -> None:
-    tables = {"--table": options.table, "--samples": options.samples}
-    written = {"--frames": options.frames, "--json": options.json, **tables}
-    written |= report_files(options)
-    require_outputs(options, written, [*options.log, config.database.path])
-    require_report(options)
-    for option, path in tables.items():
-        if path:
-            require_format(path, option)
-
-
-def _row_writer(
-    stack: ExitStack, path: Path | None, origin: Mapping[str, str]
-) -> Callable[[int, Outputs], None]:
-    """Writes the rows of --table; does nothing where it is not asked for."""
-    if path is None:
-        return lambda _, __: None
-    return stack.enter_context(setpoint_table(path, origin))
-
-
-def _sample_writer(
-    stack: ExitStack, path: Path | None, origin: Mapping[str, str], config: Configuration
-) -> Callable[[Samples, Estimate | None], None]:
-    """Writes the rows of --samples; does nothing where it is not asked for."""
-    if path is None:
-        return lambda _, __: None
-    slip_max = config.estimators.identifiability.slip_max
-    return stack.enter_context(sample_table(path, origin, config.covariates(), slip_max))
-
-
-class _SetpointCounts:
-    """Numbers of setpoints by status, by doubt and by objection."""
-
-    def __init__(self) -> None:
-        self.by_status: Counter[Status] = Counter()
-        self.by_doubt: Counter[Doubt] = Counter()
-        self.by_objection: Counter[Objection] = Counter()
-        self.objections = ObjectionLog()
-
-    def add(self, t_us: int, outputs: Outputs) -> None:
-        self.by_status[outputs.status] += 1
-        self.by_doubt[outputs.doubt] += 1
-        self.by_objection[outputs.objection] += 1
-        self.objections.add(t_us, outputs.objection)
-
-    @property
-    def doubts(self) -> list[Doubt]:
-        """What was doubted, the most frequent first."""
-        return [doubt for doubt, _ in self.by_doubt.most_common()]
-
-    def share(self, count: int) -> str:
-        """Share of a number of setpoints in all of them, as text."""
-        return f"{100 * count / (self.by_status.total() or 1):.1f} %"
-
-    def describe_doubts(self) -> list[str]:
-        """Line with the share of the time with doubt and what it was about; none without doubt."""
-        found = [(doubt, n) for doubt, n in self.by_doubt.most_common() if doubt in DESCRIPTIONS]
-        if not found:
-            return []
-        whole = self.share(sum(n for _, n in found))
-        shares = [f" ({self.share(n)})" if len(found) > 1 else "" for _, n in found]
-        reasons = [
-            DESCRIPTIONS[doubt] + share for (doubt, _), share in zip(found, shares, strict=True)
-        ]
-        return [f"doubt {whole} of the time ({', '.join(reasons)}): run `diagnose`"]
-
-
 class _Channel:
     """Name of the recording's bus, taken from its first frame, for the frames that are sent."""
 
@@ -280,7 +194,11 @@ class _Channel:
 
 
 def _document(
-    summary: ReplaySummary, core: ServiceCore, setpoints: _SetpointCounts, problems: list[str]
+    summary: ReplaySummary,
+    core: ServiceCore,
+    setpoints: SetpointCounts,
+    problems: list[str],
+    misfit: CurveMisfit | None,
 ) -> dict[str, Any]:
     receiver = core.receiver
     return {
@@ -309,37 +227,37 @@ def _document(
             one.json_name: n for one, n in setpoints.by_objection.items() if one.json_name
         },
         "last": None if core.estimate is None else core.estimate.to_dict(),
+        "fit": None if misfit is None else misfit.as_json(),
     }
 
 
-def _print(
-    summary: ReplaySummary, core: ServiceCore, setpoints: _SetpointCounts, problems: list[str]
-) -> None:
-    out = console()
+def _parts(
+    summary: ReplaySummary, core: ServiceCore, setpoints: SetpointCounts, problems: list[str]
+) -> Iterator[RenderableType]:
     receiver = core.receiver
     span = ((summary.last_us or 0) - (summary.first_us or 0)) / 1e6
-    out.print(
+    yield (
         f"{summary.frames} frames in {span:.1f} s: {receiver.rejected} rejected, {receiver.lost} "
         f"lost, {core.counts.foreign} with other ids, {summary.own_skipped} with the service's "
         f"ids (skipped); {core.counts.samples} samples; {summary.sent} frames sent"
     )
     counts = setpoints.by_status
     rows = [(s.name, str(counts[s]), setpoints.share(counts[s])) for s in Status if s in counts]
-    out.print(table("Setpoints by status", ("status", "setpoints", "share"), rows))
+    yield FittingTable("Setpoints by status", ("status", "setpoints", "share"), rows)
     if core.estimate is not None:
         e = core.estimate
-        out.print(
+        yield (
             f"last estimate: mu_max {plus_minus(e.mu_max, e.mu_max_std)}, "
             f"lambda_m {plus_minus(e.lambda_m, e.lambda_m_std)}, "
             f"c1 {e.c1:.4f}, c2 {e.c2:.2f}, c3 {e.c3:.4f}"
         )
-    objections, doubts = setpoints.objections.sentences(), setpoints.describe_doubts()
-    notes = (*objections, *doubts, *problems, *receiver.stuck_sentences, *core.faults)
-    for line in (*notes, *left_out_lines(core.left_out_samples)):
-        out.print(line, markup=False)
+    yield from setpoints.objections.sentences()
+    yield from setpoints.describe_doubts()
+    yield from (*problems, *receiver.stuck_sentences, *core.faults)
+    yield from left_out_lines(core.left_out_samples)
 
 
-def _describe_fit(misfit: Misfit | None, config: Configuration) -> str:
+def _describe_fit(misfit: CurveMisfit | None, config: Configuration) -> str:
     """Sentence on the error of the adhesion about the best-fitting curves."""
     if misfit is None:
         return "Too few samples for a misfit of the curve."

@@ -1,19 +1,57 @@
-"""Options of the commands that write a report, and its files: page, pictures, browser."""
+"""Results of the commands in all their outputs: JSON, page, pictures, browser and terminal."""
 
 import argparse
 import tempfile
 import webbrowser
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from rich.console import RenderableType
+
+from adhesion_can.cli.outputs import Output, add_file, talk, write_json
 from adhesion_can.errors import InputError
 from adhesion_can.printable import say
+from adhesion_can.reporting.next_steps.next_step import NextStep
 from adhesion_can.reporting.page import Page, require_extra, write_page
 from adhesion_can.reporting.pictures import require_pictures, write_pictures
+from adhesion_can.reporting.text import console
 
 PICTURES = ("png", "svg")
 """Formats of pictures, each an option."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """Result of a command, as its outputs have it.
+
+    Attributes:
+        document: Content of --json, without its provenance.
+        origin: Provenance.
+        parts: Lines and tables for the terminal; made when they are printed.
+        step: Line with which the result ends.
+        page: Function from the provenance in words to the page; None: there is no page.
+
+    """
+
+    document: Mapping[str, Any]
+    origin: Mapping[str, Any]
+    parts: Iterable[RenderableType]
+    step: NextStep
+    page: Callable[[dict[str, str]], Page] | None = None
+
+    def deliver(self, options: argparse.Namespace) -> None:
+        """Write and print what the options ask for."""
+        write_json(options.json, {**self.document, "next": self.step.line, **self.origin})
+        written: list[str] = []
+        if self.page is not None and is_asked_for(options):
+            made = self.page(page_provenance(self.origin, options))
+            written = write_report(replace(made, next_step=self.step.line), options)
+        if talk(options):
+            out = console()
+            for part in (*self.parts, *written, self.step.line):
+                out.print(part)
 
 
 def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
@@ -26,16 +64,29 @@ def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
     """
     group = parser.add_argument_group("report (extra 'report')")
     if html:
-        group.add_argument("--html", type=Path, metavar="F", help="write the report to one file")
+        add_file(parser, "--html", "F", "write the report to one file", _require_page, group)
     where = " (a temporary file without --html)" if html else ""
-    group.add_argument("--open", action="store_true", help=f"open the report in a browser{where}")
+    about = f"open the report in a browser{where}"
+    browser = Output("--open", _require_browser, is_file=False)
+    browser.add(parser, group, action="store_true", help=about)
     for name in PICTURES:
-        group.add_argument(
-            f"--{name}",
-            type=Path,
-            metavar=f"F.{name}",
-            help=f"write the report's figures as {name.upper()}: F.{name}, F-2.{name}, ..",
-        )
+        what = f"write the report's figures as {name.upper()}: F.{name}, F-2.{name}, .."
+        add_file(parser, f"--{name}", f"F.{name}", what, _require_picture, group)
+
+
+def _require_browser(_: bool, option: str) -> None:
+    require_extra(option)
+
+
+def _require_page(path: Path, _: str) -> None:
+    require_extra(str(path))
+
+
+def _require_picture(path: Path, option: str) -> None:
+    name = option.removeprefix("--")
+    if path.suffix.lower() != f".{name}":
+        raise InputError(f"{option} {path}", f"does not end in .{name}", f"write F.{name}")
+    require_pictures(str(path))
 
 
 def is_asked_for(options: argparse.Namespace) -> bool:
@@ -44,31 +95,12 @@ def is_asked_for(options: argparse.Namespace) -> bool:
     return any(getattr(options, name, None) for name in names)
 
 
-def report_files(options: argparse.Namespace) -> dict[str, Path | None]:
-    """Files of the options, for `require_outputs`."""
-    return {f"--{name}": getattr(options, name, None) for name in ("html", *PICTURES)}
-
-
-def require_report(options: argparse.Namespace) -> None:
-    """Raise an InputError for a report that could not be written after the work."""
-    for name in PICTURES:
-        path = getattr(options, name)
-        if path is None:
-            continue
-        if path.suffix.lower() != f".{name}":
-            raise InputError(f"--{name} {path}", f"does not end in .{name}", f"write F.{name}")
-        require_pictures(str(path))
-    html = getattr(options, "html", None)
-    if html is not None or options.open:
-        require_extra("--open" if html is None else str(html))
-
-
 def missing_report(html: Path) -> str:
     """Why a page that nobody asked for by an option cannot be written; '' where it can."""
     try:
         require_extra(str(html))
     except InputError as error:
-        return f"no report: {error}"
+        return str(error)
     return ""
 
 
@@ -102,7 +134,8 @@ def write_report(made: Page, options: argparse.Namespace, html: Path | None = No
 
 def page_provenance(origin: Mapping[str, Any], options: argparse.Namespace) -> dict[str, str]:
     """Provenance for a page: the command that repeats the work, version and hashes."""
-    entries = {"command": options.command_line, "version": str(origin["version"])}
+    command = origin.get("command", options.command_line)
+    entries = {"command": str(command), "version": str(origin["version"])}
     named = [(name, origin.get(name)) for name in ("dbc", "configuration", "model")]
     named += [("input", one) for one in origin.get("inputs", ())]
     for name, one in named:

@@ -4,7 +4,6 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,19 +13,24 @@ from typing import TextIO, cast
 
 import numpy as np
 
-from adhesion_can.cli.bus_options import add_bus, bus_opener
+from adhesion_can.cli.bus_options import add_bus, add_wait, bus_opener
 from adhesion_can.cli.common import (
     MODEL_ONLINE,
     add_configuration,
-    add_json,
     add_model,
     configuration,
+    tell_all,
+)
+from adhesion_can.cli.extras_of_run import listening_address, read_secoc, serve_metrics
+from adhesion_can.cli.narrator import FORMATS, Narrator
+from adhesion_can.cli.outputs import (
+    add_file,
+    add_json,
+    require_candump_name,
     require_outputs,
     talk,
     write_json,
 )
-from adhesion_can.cli.extras_of_run import listening_address, read_secoc, serve_metrics
-from adhesion_can.cli.narrator import FORMATS, Narrator
 from adhesion_can.cli.silence import SilenceWatch, bus_name, name_inputs, nothing_received
 from adhesion_can.cli.stderr_behind import stderr_behind
 from adhesion_can.config import Configuration
@@ -38,7 +42,6 @@ from adhesion_can.service.file_lock import file_lock
 from adhesion_can.service.frame_log import LogBehind
 from adhesion_can.service.kept_state import KeptState
 from adhesion_can.service.live import LiveService
-from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_file import read_state
@@ -51,27 +54,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Reads the bus, identifies the adhesion curve and sends the setpoints until it is "
         "interrupted (Ctrl-C, SIGTERM) or the duration is over."
     )
-    parser.add_argument(
-        "--log", type=Path, metavar="F", help="log received and sent frames, for replay"
-    )
-    parser.add_argument(
-        "--state",
-        type=Path,
-        metavar="F",
-        help="start with the surfaces kept in this file, and keep those identified",
-    )
-    parser.add_argument(
-        "--wait", action="store_true", help="wait for a bus that does not exist yet"
-    )
+    about = "log received and sent frames, for replay"
+    add_file(parser, "--log", "F", about, require_candump_name)
+    about = "start with the surfaces kept in this file, and keep those identified"
+    add_file(parser, "--state", "F", about)
+    add_wait(parser)
     parser.add_argument(
         "--dry-run", action="store_true", help=("listen and identify, but send nothing")
     )
     parser.add_argument(
         "--secoc-key", type=Path, metavar="F", help="key file: send authenticated CAN FD frames"
     )
-    parser.add_argument(
-        "--secoc-trip", type=Path, metavar="F", help="file that counts the starts with this key"
-    )
+    add_file(parser, "--secoc-trip", "F", "file that counts the starts with this key")
     parser.add_argument(
         "--log-format",
         choices=FORMATS,
@@ -123,14 +117,8 @@ class _Ending:
 def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: bool) -> _Ending:
     """Serve until the end."""
     config = configuration(options)
-    written = {
-        "--log": options.log,
-        "--state": options.state,
-        "--json": options.json,
-        "--secoc-trip": options.secoc_trip,
-    }
     read = [path for path in (config.database.path, options.secoc_key) if path is not None]
-    require_outputs(options, written, read)
+    require_outputs(options, read)
     observers = [narrator.print_setpoint]
     with ExitStack() as stack:
         # The lock goes last: whoever waits for it must not find a state that is still written.
@@ -143,7 +131,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             keeper = outputs.keep(options.state, state, config.service.state_interval_s)
             observers.append(keeper.observe)
         manager = ServiceManager(os.environ)
-        core = ServiceCore(config, on_setpoint=partial(_tell_all, observers))
+        core = ServiceCore(config, on_setpoint=partial(tell_all, observers))
         bus = ReconnectingBus(
             bus_opener(options), core.ids, narrator.warn, wait_for_it=options.wait
         )
@@ -252,10 +240,3 @@ def _resumed(config: Configuration, state: KeptState) -> Configuration:
         tracker=replace(settings.tracker, known_surfaces=surfaces),
     )
     return replace(config, estimators=settings)
-
-
-def _tell_all(
-    observers: Sequence[Callable[[int, Outputs], None]], t_us: int, outputs: Outputs
-) -> None:
-    for observer in observers:
-        observer(t_us, outputs)

@@ -22,9 +22,8 @@ from adhesion_can.cli.common import (
     add_model,
     configuration,
     progress,
-    require_outputs,
-    write_json,
 )
+from adhesion_can.cli.outputs import add_file, require_candump_name, require_outputs, write_json
 from adhesion_can.cli.silence import SilenceWatch, bus_name
 from adhesion_can.config import Configuration
 from adhesion_can.config.plan_file import read_plan
@@ -55,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=int, default=1, metavar="N", help=("seed of the noise (default 1)")
     )
-    parser.add_argument("--log", type=Path, metavar="F.log", help="write candump text")
-    parser.add_argument("--truth", type=Path, metavar="F.json", help="write the true values")
+    add_file(parser, "--log", "F.log", "write candump text", require_candump_name)
+    add_file(parser, "--truth", "F.json", "write the true values")
     parser.add_argument(
         "--effect", action="append", default=[], metavar=SYNTAX, help="may be repeated"
     )
@@ -104,8 +103,7 @@ def run(options: argparse.Namespace) -> int:
     if on_bus is (options.log is not None):
         given = "both are given" if on_bus else "neither is given"
         raise InputError("--log and -i", given, "name a log, or a bus with -i and -c")
-    written = {"--log": options.log, "--truth": options.truth}
-    require_outputs(options, written, [config.database.path])
+    require_outputs(options, [config.database.path])
     simulation = make_simulation(settings, config)
     if plan is not None:
         simulation.await_demands()

@@ -8,7 +8,7 @@ from pathlib import Path
 from cantools.database.can import Signal
 
 from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
-from adhesion_can.bus.role_candidates import Candidate, candidates, unused_signals
+from adhesion_can.bus.role_candidates import RoleCandidate, candidates, unused_signals
 from adhesion_can.bus.role_guess import CHOSEN, GuessedRoles, RoleGuess
 from adhesion_can.bus.shared_signals import SHARED_ROLES, distribute, first_axle_of_each
 from adhesion_can.bus.signal_signs import Signs, signs_of, stated_range
@@ -69,7 +69,7 @@ class InitialConfiguration:
         found = unused_signals(self.database.db.messages, self.guessed)
         return [f"{message.name}.{signal.name}" for message, signal in found]
 
-    def candidates(self, role: Role) -> list[Candidate]:
+    def candidates(self, role: Role) -> list[RoleCandidate]:
         """Signals that may have a role that was not found, best first."""
         return candidates(self.database.db.messages, self.guessed, role)
 
@@ -243,7 +243,7 @@ def _range_text(signal: Signal) -> str:
     return "" if ends is None else f", {ends[0]:g} to {ends[1]:g}"
 
 
-def candidate_text(one: Candidate) -> str:
+def candidate_text(one: RoleCandidate) -> str:
     """A candidate with its unit, and the roles for which it is taken."""
     uses = f", also {', '.join(one.uses)}" if one.uses else ""
     return _comment(f"{one.place} ({one.signal.unit or 'no unit'}{uses})")

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypedDict
 
 import numpy as np
 
@@ -19,7 +21,8 @@ from adhesion_can.diagnosis.extended_model import (
     refit_with_spline,
 )
 from adhesion_can.diagnosis.formatting import effect_name
-from adhesion_can.diagnosis.inference.candidates import IMITATED
+from adhesion_can.diagnosis.gain_result import Gain, GainMethod
+from adhesion_can.diagnosis.inference.candidates import UNTESTABLE_SHARE
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import ConfirmedFindings
 from adhesion_can.diagnosis.inference.equivalent_effects import find_equivalent_effects
 from adhesion_can.diagnosis.inference.findings import Findings
@@ -27,20 +30,14 @@ from adhesion_can.diagnosis.inference.one_speed import find_rivals_at_one_speed,
 from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.diagnosis.parameter_values import effect_title, parameter_values
 from adhesion_can.diagnosis.peak_spread import compare_peaks, fit_other_forms
-from adhesion_can.diagnosis.plot_data import (
-    build_curve_data,
-    build_prediction_plot,
-    build_profile,
-    build_simulation_plots,
-    find_plotted_channel,
-)
+from adhesion_can.diagnosis.plot_data import build_plots, build_profile, find_plotted_channel
 from adhesion_can.diagnosis.plot_result import Profile
 from adhesion_can.diagnosis.refutation_result import build_closest, build_environments
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, build_channels
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.diagnosis.result import Diagnosis, Gain, GainMethod, Verdict
+from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.diagnosis.sentences import (
     cause_sentence,
     channel_sentence,
@@ -61,54 +58,52 @@ from adhesion_can.physics.effects.empirical import Empirical
 
 def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untested]) -> Diagnosis:
     """Diagnosis of data that allow none."""
-    return Diagnosis(
-        Verdict.NOTHING, (), None, (), None, (), (), None, tuple(untested), (), None, None, (),
-        None, {drive.name: len(drive) for drive in drives}, _count_lost_rows(drives),
-        begins={drive.name: drive.first_us for drive in drives},
-    )  # fmt: skip
+    return Diagnosis(verdict=Verdict.NOTHING, untested=tuple(untested), **_describe_inputs(drives))
 
 
 def build_diagnosis(
     drives: Sequence[DriveData],
-    found: Findings,
+    findings: Findings,
     confirmed: ConfirmedFindings,
     untested: Sequence[Untested],
     *,
     remaining: RemainingExplanations | None = None,
-    other_drives: bool,
 ) -> Diagnosis:
     """Build the diagnosis.
 
     Args:
         drives: Every row of every drive, in the order of the regression's drives.
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         confirmed: Findings that hold on the held-out data.
         untested: Effects and quantities that could not be tested, with the reason.
         remaining: What a further drive left of the explanations; None: there was no such drive.
-        other_drives: Whether whole recordings were held out.
 
     """
-    data = found.prepared.regression.data
-    plain = found.baseline.fitted.model
-    verdict = _choose_verdict(found, confirmed)
-    extended = _fit_extension(found, confirmed)
-    profile = _build_profile(found, confirmed, extended.model)
+    data = findings.regression.data
+    plain = findings.baseline.model
+    verdict = _choose_verdict(findings, confirmed)
+    extended = _fit_extension(findings, confirmed)
+    profile = _build_profile(findings, confirmed, extended.model)
     refuted_effects = {} if remaining is None else remaining.refuted_effects
     causes = tuple(
-        _build_cause(found, candidate, extended.fitted, refuted_effects)
-        for candidate in _sort_by_gain(found, confirmed.named)
+        _build_cause(findings, candidate, extended.fitted, refuted_effects)
+        for candidate in _sort_by_gain(findings, confirmed.named)
     )
     surfaces, longest, (drive_number, surface) = estimate_segments(
-        data, found.change_times, extended.model, extended.segment_fits
+        data, findings.change_times, extended.model, extended.segment_fits
     )
     conditions = find_conditions(data, surface)
     if confirmed.shape is not None and longest is not None:
         cause = build_shape_cause(confirmed.shape, extended.fitted, surface, longest)
         causes = (cause, *causes)
-    simulation_plots = (
-        []
-        if verdict is Verdict.NOTHING
-        else build_simulation_plots(drives[drive_number], surface, plain, extended.model)
+    draw = partial(
+        build_plots,
+        data,
+        drives[drive_number],
+        surface,
+        plain,
+        extended.model,
+        with_simulations=verdict is not Verdict.NOTHING,
     )
     model = build_extended_model(
         extended.model,
@@ -121,59 +116,58 @@ def build_diagnosis(
     if model is None and causes:
         # A verdict that no model file can follow is none.
         why = "it explains the data, but no curve with a peak can be fitted together with it"
-        untested = [*untested, *(Untested(one.effect, why, rejected=True) for one in causes)]
+        untested = [*untested, *(Untested(cause.effect, why, rejected=True) for cause in causes)]
         causes, verdict = (), Verdict.UNEXPLAINED
     gain = confirmed.gain
-    if other_drives and model is not None and model.actives:
-        gain = _measure_on_held_out(found, gain, model)
+    if findings.other_drives and model is not None and model.actives:
+        gain = _measure_on_held_out(findings, gain, model)
     confirmed = replace(confirmed, gain=gain)
-    evidence = build_evidence(found, causes, refuted_effects)
+    evidence = build_evidence(findings, causes, refuted_effects)
     return Diagnosis(
         verdict=verdict,
         causes=causes,
-        channel=_name_channel(found, confirmed) if verdict is Verdict.UNEXPLAINED else None,
-        wrong=tuple(_describe_findings(found, confirmed, causes, profile)),
+        channel=_name_channel(findings, confirmed) if verdict is Verdict.UNEXPLAINED else None,
+        wrong=tuple(_describe_findings(findings, confirmed, causes, profile)),
         gain=gain,
         evidence=evidence,
-        models=build_model_scores(found, evidence),
+        models=build_model_scores(findings, evidence),
         channels=tuple(
             ChannelEvidence(
-                name_with_wave(one.channel), one.channel.unit, one.p_value, 100 * one.gain
+                name_with_wave(dependence.channel),
+                dependence.channel.unit,
+                dependence.p_value,
+                100 * dependence.gain,
             )
-            for one in found.channels_of_best
+            for dependence in findings.channels_of_best
         ),
         needed=_describe_separation(causes),
-        untested=(*untested, *confirmed.rejected, *_list_imitated_effects(found)),
+        untested=(*untested, *confirmed.rejected, *_list_imitated_effects(findings)),
         surfaces=surfaces,
         model=model,
         profile=profile,
-        simulation_plots=tuple(simulation_plots),
-        prediction=build_prediction_plot(data, plain, extended.model),
-        curves=build_curve_data(data, surface, extended.model),
-        samples={drive.name: len(drive) for drive in drives},
-        lost=_count_lost_rows(drives),
-        families=build_family_results(found, surface),
+        draw=draw,
+        families=build_family_results(findings, surface),
         closest=build_closest(confirmed, data),
-        environments=build_environments(found, confirmed, causes, extended.fitted.model),
-        noise=_build_noise(found),
-        saturated=bool(found.saturated),
-        oscillates=found.oscillates,
-        begins={drive.name: drive.first_us for drive in drives},
+        environments=build_environments(findings, confirmed, causes, extended.fitted.model),
+        noise=_build_noise(findings),
+        saturated=bool(findings.saturated),
+        oscillates=findings.oscillates,
+        **_describe_inputs(drives),
     )
 
 
-def _build_noise(found: Findings) -> NoiseResult:
-    noise = found.noise
+def _build_noise(findings: Findings) -> NoiseResult:
+    noise = findings.noise
     return NoiseResult(
         noise.floor, noise.sensors, noise.ratio, noise.is_exceeded, noise.leaves_more
     )
 
 
-def _measure_on_held_out(found: Findings, gain: Gain, model: ExtendedModel) -> Gain:
+def _measure_on_held_out(findings: Findings, gain: Gain, model: ExtendedModel) -> Gain:
     """The gain on whole drives as `evaluate` measures it: refitted, and as written."""
-    regression = found.prepared.regression
-    ends = np.cumsum([len(drive) for drive in regression.data.drives])[:-1]
-    held = np.array([bool((own < 0).all()) for own in np.split(regression.block, ends)])
+    regression = findings.regression
+    blocks = regression.data.split(regression.block)
+    held = np.array([bool((block < 0).all()) for block in blocks])
     part = evaluate_held_out(regression.data, held, model)
     if gain.method is not GainMethod.PLAIN:
         return replace(gain, as_written=part.as_written)
@@ -205,37 +199,44 @@ class _Extension:
     segment_fits: SegmentFits
 
 
-def _fit_extension(found: Findings, confirmed: ConfirmedFindings) -> _Extension:
+def _fit_extension(findings: Findings, confirmed: ConfirmedFindings) -> _Extension:
     """Fit the extended model to all rows but those of other drives that were held out."""
-    regression = found.prepared.regression.last_fit
+    regression = findings.regression.last_fit
     named = confirmed.named or confirmed.shape is not None
-    selected = found.selection.best if named else found.selection.plain
-    fitted = plain = fit_model(regression, selected.fitted.model)
-    if selected is not found.baseline:
-        plain = fit_model(regression, found.baseline.fitted.model)
+    selected = findings.selection.best if named else findings.selection.plain
+    fitted = plain = fit_model(regression, selected.model)
+    if selected is not findings.baseline:
+        plain = fit_model(regression, findings.baseline.model)
     spline = None if confirmed.channel is None else build_spline(confirmed.channel)
     model = fitted.model
     if spline is not None:
-        model = refit_with_spline(found.prepared, model, spline)
+        model = refit_with_spline(findings.prepared, model, spline)
     fits = SegmentFits(plain, fitted, fit_other_forms(regression, fitted))
     return _Extension(fitted, spline, model, fits)
 
 
-def _choose_verdict(found: Findings, confirmed: ConfirmedFindings) -> Verdict:
+def _choose_verdict(findings: Findings, confirmed: ConfirmedFindings) -> Verdict:
     if confirmed.named or confirmed.shape is not None:
         return Verdict.NAMED
-    if found.oscillates or found.saturated or confirmed.channel is not None or confirmed.closest:
+    if (
+        findings.oscillates
+        or findings.saturated
+        or confirmed.channel is not None
+        or confirmed.closest
+    ):
         return Verdict.UNEXPLAINED
-    return Verdict.UNEXPLAINED if found.noise.is_exceeded else Verdict.NOTHING
+    return Verdict.UNEXPLAINED if findings.noise.is_exceeded else Verdict.NOTHING
 
 
-def _build_profile(found: Findings, confirmed: ConfirmedFindings, model: Model) -> Profile | None:
+def _build_profile(
+    findings: Findings, confirmed: ConfirmedFindings, model: Model
+) -> Profile | None:
     """Residual over the channel that matters, before and after; None where there is none."""
-    data = found.prepared.regression.data
-    before = evaluate_model(data, found.baseline.fitted.model.curves)
+    data = findings.regression.data
+    before = evaluate_model(data, findings.baseline.model.curves)
     channel: Channel | None = None
     if confirmed.shape is not None:
-        slips = (one for one in build_channels(data, before) if one.name == "slip")
+        slips = (channel for channel in build_channels(data, before) if channel.name == "slip")
         channel = next(slips, None)
     elif confirmed.named:
         channels = build_channels(data, before)
@@ -244,49 +245,62 @@ def _build_profile(found: Findings, confirmed: ConfirmedFindings, model: Model) 
         channel = confirmed.channel.channel
     if channel is None:
         return None
-    after = _compute_residual_after(found, confirmed, model)
+    after = _compute_residual_after(findings, confirmed, model)
     change = before.residual - after
     return build_profile(data, channel, before.residual, after, change, before.predicted)
 
 
-def _compute_residual_after(found: Findings, confirmed: ConfirmedFindings, model: Model) -> Array:
+def _compute_residual_after(
+    findings: Findings, confirmed: ConfirmedFindings, model: Model
+) -> Array:
     """Residual of the extended model, adhesion; shape (n,)."""
-    data = found.prepared.regression.data
+    data = findings.regression.data
     channel = confirmed.channel
     if channel is not None and build_spline(channel) is None:
         # No model can have this channel: its fitted spline stands for the extension.
-        before = evaluate_model(data, found.baseline.fitted.model.curves)
+        before = evaluate_model(data, findings.baseline.model.curves)
         return before.residual - channel.prediction_change
     return evaluate_model(data, model.curves, model.active_effects).residual
 
 
-def _count_lost_rows(drives: Sequence[DriveData]) -> dict[str, int]:
-    """Number of unusable rows by recording and reason."""
-    return {
-        f"{drive.name}: {reason}": count
-        for drive in drives
-        for reason, count in drive.lost.items()
-        if count
-    }
+class _Inputs(TypedDict):
+    """Fields of a diagnosis that describe its drives."""
+
+    samples: dict[str, int]
+    lost: dict[str, int]
+    begins: dict[str, int]
+    tables: bool
 
 
-def _sort_by_gain(found: Findings, named: Sequence[Candidate]) -> list[Candidate]:
+def _describe_inputs(drives: Sequence[DriveData]) -> _Inputs:
+    return _Inputs(
+        samples={drive.name: len(drive) for drive in drives},
+        lost={
+            f"{drive.name}: {reason}": count
+            for drive in drives
+            for reason, count in drive.lost.items()
+            if count
+        },
+        begins={drive.name: drive.first_us for drive in drives},
+        tables=any(drive.table for drive in drives),
+    )
+
+
+def _sort_by_gain(findings: Findings, named: Sequence[Candidate]) -> list[Candidate]:
     """Named effects, the one that alone gains most first."""
-    alone = {
-        one.candidates[0]: one.fitted.cross_validated_square for one in found.selection.singles
-    }
+    alone = {single.candidates[0]: single.square for single in findings.selection.singles}
     return sorted(named, key=lambda candidate: alone.get(candidate, np.inf))
 
 
 def _build_cause(
-    found: Findings,
+    findings: Findings,
     candidate: Candidate,
     final: FittedModel,
     refuted: Mapping[tuple[str, int], float],
 ) -> Cause:
     """A named effect with the parameters of the final fit."""
     effect = candidate.effect
-    has_load = any(drive.has_load for drive in found.prepared.regression.data.drives)
+    has_load = any(drive.has_load for drive in findings.regression.data.drives)
     place = final.model.candidates.index(candidate)
     values = parameter_values(final, place, has_load=has_load)
     return Cause(
@@ -295,37 +309,37 @@ def _build_cause(
         effect_title(effect, values[0]),
         effect.literature,
         values,
-        found.p_value(candidate),
-        _find_rivals(found, candidate, values[0].value, refuted),
-        found.selection.formulas.get(effect.id, ()),
+        findings.p_value(candidate),
+        _find_rivals(findings, candidate, values[0].value, refuted),
+        findings.selection.formulas.get(effect.id, ()),
     )
 
 
 def _find_rivals(
-    found: Findings, candidate: Candidate, size: float, refuted: Mapping[tuple[str, int], float]
+    findings: Findings, candidate: Candidate, size: float, refuted: Mapping[tuple[str, int], float]
 ) -> tuple[str, ...]:
     """Ids of the effects that the data cannot distinguish from a named one.
 
     What a further drive refuted is none of them.
     """
-    selected = set(found.selection.rivals(candidate))
+    selected = set(findings.selection.rivals(candidate))
     contradicted = {effect for effect, _ in refuted} - selected
-    rivals = selected | (set(find_equivalent_effects(found, candidate)) - contradicted)
-    if is_at_one_speed(found.prepared.regression.data.drives):
-        known = found.selection.best.ids
-        rivals |= find_rivals_at_one_speed(candidate, size, found.prepared.candidates) - known
+    rivals = selected | (set(find_equivalent_effects(findings, candidate)) - contradicted)
+    if is_at_one_speed(findings.regression.data.drives):
+        known = findings.selection.best.ids
+        rivals |= find_rivals_at_one_speed(candidate, size, findings.prepared.candidates) - known
     return tuple(sorted(rivals))
 
 
-def _list_imitated_effects(found: Findings) -> list[Untested]:
+def _list_imitated_effects(findings: Findings) -> list[Untested]:
     """Effects that the curve imitates so well that the data do not identify them."""
     out = {}
-    absorbed_shares = found.detection.absorbed
-    pairs = list(zip(found.prepared.candidates, absorbed_shares, strict=True))
-    shown = {candidate.effect.id for candidate, absorbed in pairs if absorbed < IMITATED}
+    absorbed_shares = findings.detection.absorbed
+    pairs = list(zip(findings.prepared.candidates, absorbed_shares, strict=True))
+    shown = {candidate.effect.id for candidate, absorbed in pairs if absorbed < UNTESTABLE_SHARE}
     for candidate, absorbed in pairs:
         effect = candidate.effect
-        if absorbed >= IMITATED and candidate not in found.selection.best.candidates:
+        if absorbed >= UNTESTABLE_SHARE and candidate not in findings.selection.best.candidates:
             out[effect_name(effect.id, effect.form if effect.id in shown else "")] = (
                 f"the parameters of the curve can imitate {100 * absorbed:.1f} % of it in these "
                 "data"
@@ -339,26 +353,26 @@ def _describe_separation(causes: Sequence[Cause]) -> str | None:
     return "; ".join(sentences) or None
 
 
-def _name_channel(found: Findings, confirmed: ConfirmedFindings) -> str | None:
+def _name_channel(findings: Findings, confirmed: ConfirmedFindings) -> str | None:
     """Channel of an unexplained residual; None where it is not a matter of one channel."""
-    if found.saturated:
+    if findings.saturated:
         return "tractive_effort"
-    if found.oscillates or confirmed.channel is None:
+    if findings.oscillates or confirmed.channel is None:
         return None
     return confirmed.channel.channel.name
 
 
 def _describe_findings(
-    found: Findings,
+    findings: Findings,
     confirmed: ConfirmedFindings,
     causes: Sequence[Cause],
     profile: Profile | None,
 ) -> list[str]:
     """A sentence for each finding, and one about where the plain model is wrong most."""
     out = [cause_sentence(cause, alone=len(causes) == 1) for cause in causes]
-    out += saturation_sentences(found.saturated)
-    if found.oscillates and found.oscillation is not None:
-        out.append(oscillation_sentence(found.oscillation))
+    out += saturation_sentences(findings.saturated)
+    if findings.oscillates and findings.oscillation is not None:
+        out.append(oscillation_sentence(findings.oscillation))
     if confirmed.channel is not None:
         out.append(channel_sentence(confirmed.channel))
     if out and profile is not None:

@@ -7,19 +7,18 @@ from math import nan
 import numpy as np
 
 from adhesion_can.diagnosis.cause_result import Cause
-from adhesion_can.diagnosis.evidence import Decision, Evidence, ModelScore
+from adhesion_can.diagnosis.evidence import Decision, EffectEvidence, ModelScore
 from adhesion_can.diagnosis.formatting import effect_name
-from adhesion_can.diagnosis.inference.candidates import IMITATED
+from adhesion_can.diagnosis.inference.candidates import UNTESTABLE_SHARE
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     ScoredModel,
     find_shortfall,
+    fit_and_score,
     is_worse,
-    score_model,
     worse_p_value,
 )
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 
 PLAIN = "plain curve"
 """Name of the model without effects in a list of scores."""
@@ -34,20 +33,20 @@ _FIRST = (Decision.NAMED, Decision.RIVAL)
 
 
 def build_evidence(
-    found: Findings, causes: Sequence[Cause], refuted: Mapping[tuple[str, int], float]
-) -> tuple[Evidence, ...]:
+    findings: Findings, causes: Sequence[Cause], refuted: Mapping[tuple[str, int], float]
+) -> tuple[EffectEvidence, ...]:
     """Evidence of every tested effect: named ones, their rivals, then by gain.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         causes: Named causes.
         refuted: P-value of each effect that a further drive refuted, by its id and axle; NaN where
             no test of the fits did.
 
     """
-    candidates, detection = found.prepared.candidates, found.detection
-    plain = found.selection.plain
-    fits = _fits_alone(found)
+    candidates, detection = findings.prepared.candidates, findings.detection
+    plain = findings.selection.plain
+    fits = _fits_alone(findings)
     out = []
     for place, candidate in enumerate(candidates):
         cosines = np.abs(detection.cosines[place])
@@ -55,41 +54,43 @@ def build_evidence(
         others = [
             i
             for i, c in enumerate(candidates)
-            if c.effect.id != candidate.effect.id and detection.absorbed[i] < IMITATED
+            if c.effect.id != candidate.effect.id and detection.absorbed[i] < UNTESTABLE_SHARE
         ]
-        most_alike = int(others[int(np.argmax(cosines[others]))]) if others else place
+        most_similar = int(others[int(np.argmax(cosines[others]))]) if others else place
         fit = fits.get(candidate)
         gain = 50.0 * float(detection.test.gain[place])
-        decision, worse = _decide(found, candidate, place, causes, fit)
+        decision, worse = _decide(findings, candidate, place, causes, fit)
         out.append(
-            Evidence(
+            EffectEvidence(
                 candidate.effect.id,
                 candidate.effect.form,
                 candidate.axle,
                 float(detection.test.statistic[place]),
                 float(detection.test.p_value[place]),
                 float(np.clip(detection.absorbed[place], 0.0, 1.0)),
-                (candidates[most_alike].effect.id, float(detection.cosines[place, most_alike])),
+                (candidates[most_similar].effect.id, float(detection.cosines[place, most_similar])),
                 gain if fit is None else 100.0 * (1.0 - fit.rmse / plain.rmse),
                 decision,
                 worse,
-                _why_not_named(found, fit) if decision is Decision.NOT_NAMED else "",
+                _why_not_named(findings, fit) if decision is Decision.NOT_NAMED else "",
             )
         )
     out = _mark_refuted(_mark_rivals(out, causes), refuted)
     return tuple(sorted(out, key=lambda e: (_rank(e.decision), -e.gain_percent, e.p_value)))
 
 
-def build_model_scores(found: Findings, evidence: Sequence[Evidence]) -> tuple[ModelScore, ...]:
+def build_model_scores(
+    findings: Findings, evidence: Sequence[EffectEvidence]
+) -> tuple[ModelScore, ...]:
     """Held-out scores of the models that were compared, the smallest first.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         evidence: Evidence of every tested effect.
 
     """
     decisions = {(e.effect, e.form, e.axle): e.decision for e in evidence}
-    best, plain = found.selection.best, found.selection.plain
+    best, plain = findings.selection.best, findings.selection.plain
     scores = [ModelScore(PLAIN, plain.held_out_rmse, None)]
     if best is not plain:
         name = " with ".join(_name(candidate) for candidate in best.candidates)
@@ -98,39 +99,39 @@ def build_model_scores(found: Findings, evidence: Sequence[Evidence]) -> tuple[M
         scores.append(ModelScore(name, best.held_out_rmse, decision))
     scores += [
         ModelScore(_name(candidate), fit.held_out_rmse, decisions.get(_key(candidate)))
-        for candidate, fit in _fits_alone(found).items()
+        for candidate, fit in _fits_alone(findings).items()
         if best.candidates != (candidate,)
     ]
     return tuple(sorted(scores, key=lambda one: one.held_out_rmse))
 
 
-def _fits_alone(found: Findings) -> Mapping[Candidate, ScoredModel]:
+def _fits_alone(findings: Findings) -> Mapping[Candidate, ScoredModel]:
     """Models with one effect that were fitted, by their effect."""
-    selection = found.selection
+    selection = findings.selection
     fits = (*selection.singles, *selection.implausible)
-    out = {one.candidates[0]: one for one in fits}
+    out = {fit.candidates[0]: fit for fit in fits}
     if len(selection.best.candidates) == 1:
         out[selection.best.candidates[0]] = selection.best
     return out
 
 
 def _decide(
-    found: Findings,
+    findings: Findings,
     candidate: Candidate,
     place: int,
     causes: Sequence[Cause],
     fit: ScoredModel | None,
 ) -> tuple[Decision, float]:
     """The decision about an effect, rivals apart, and the p-value of being worse; NaN for none."""
-    best, effect = found.selection.best, candidate.effect.id
+    best, effect = findings.selection.best, candidate.effect.id
     named = effect in {cause.effect for cause in causes}
     # The first one that holds decided.
     steps = (
         (named and candidate in best.candidates, Decision.NAMED),
         (named, Decision.OTHER_FORM),
-        (found.detection.absorbed[place] >= IMITATED, Decision.IMITATED),
-        (any(effect == one.effect for one in found.refuted), Decision.REFUTED),
-        (found.detection.test.p_value[place] > found.alpha, Decision.NOT_SIGNIFICANT),
+        (findings.detection.absorbed[place] >= UNTESTABLE_SHARE, Decision.IMITATED),
+        (any(effect == refuted.effect for refuted in findings.refuted), Decision.REFUTED),
+        (findings.detection.test.p_value[place] > findings.alpha, Decision.NOT_SIGNIFICANT),
         (fit is None, Decision.WEAKER),
         (fit is not None and not fit.is_plausible, Decision.IMPLAUSIBLE),
         (not causes or not set(best.candidates) - {candidate}, Decision.NOT_NAMED),
@@ -138,56 +139,63 @@ def _decide(
     decision = next((decision for holds, decision in steps if holds), None)
     if fit is None or decision is not None:
         return decision or Decision.WEAKER, nan
-    return _compare(found, best, fit)
+    return _compare(findings, best, fit)
 
 
-def _why_not_named(found: Findings, fit: ScoredModel | None) -> str:
+def _why_not_named(findings: Findings, fit: ScoredModel | None) -> str:
     """The test that an effect failed which was fitted where nothing else was named, a clause."""
-    selection = found.selection
+    selection = findings.selection
     lacking = (
         "" if fit is None else find_shortfall(selection.plain, fit, selection.test.independent)
     )
     if lacking:
         return lacking
-    if found.oscillates:
+    if findings.oscillates:
         return "oscillation"
-    if found.saturated:
+    if findings.saturated:
         return "cut-off efforts"
-    return "more is left" if not found.explains else "unconfirmed"
+    return "more is left" if not findings.explains else "unconfirmed"
 
 
-def _compare(found: Findings, best: ScoredModel, fit: ScoredModel) -> tuple[Decision, float]:
+def _compare(findings: Findings, best: ScoredModel, fit: ScoredModel) -> tuple[Decision, float]:
     """Whether an effect alone predicts worse than the causes, and the p-value of that.
 
     Of several drives all rows are asked, as in the choice between rivals (`part_rivals`).
     """
-    regression = found.prepared.regression
+    regression = findings.regression
     if len(regression.data.drives) > 1:
         rows = regression.last_fit
-        best, fit = (score_model(rows, fit_model(rows, one.fitted.model)) for one in (best, fit))
+        best, fit = (fit_and_score(rows, scored.model) for scored in (best, fit))
     decision = Decision.WORSE if is_worse(best, fit) else Decision.NOT_BETTER
     return decision, worse_p_value(best.fitted, fit.fitted)
 
 
 def _mark_refuted(
-    evidence: Sequence[Evidence], refuted: Mapping[tuple[str, int], float]
-) -> list[Evidence]:
+    evidence: Sequence[EffectEvidence], refuted: Mapping[tuple[str, int], float]
+) -> list[EffectEvidence]:
     """The same with what a further drive refuted as refuted, by the p-value of that test."""
     return [
-        replace(one, decision=Decision.REFUTED, worse_p_value=refuted[one.effect, one.axle], why="")
-        if one.decision in _OPEN and (one.effect, one.axle) in refuted
-        else one
-        for one in evidence
+        replace(
+            tested,
+            decision=Decision.REFUTED,
+            worse_p_value=refuted[tested.effect, tested.axle],
+            why="",
+        )
+        if tested.decision in _OPEN and (tested.effect, tested.axle) in refuted
+        else tested
+        for tested in evidence
     ]
 
 
-def _mark_rivals(evidence: Sequence[Evidence], causes: Sequence[Cause]) -> list[Evidence]:
+def _mark_rivals(
+    evidence: Sequence[EffectEvidence], causes: Sequence[Cause]
+) -> list[EffectEvidence]:
     """The same with the strongest form of each rival as rival, and the others that were fitted."""
     out = list(evidence)
     for rival in {rival for cause in causes for rival in cause.rivals}:
-        own = [place for place, one in enumerate(out) if one.effect == rival]
-        strongest = max(own, key=lambda k: out[k].gain_percent, default=None)
-        for place in own:
+        places = [place for place, one in enumerate(out) if one.effect == rival]
+        strongest = max(places, key=lambda k: out[k].gain_percent, default=None)
+        for place in places:
             if place == strongest or out[place].decision in _COMPARED:
                 out[place] = replace(out[place], decision=Decision.RIVAL, worse_p_value=nan, why="")
     return out

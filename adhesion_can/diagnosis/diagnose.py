@@ -8,8 +8,9 @@
 6. `find_residual_channels`: what remains? Splines in every channel, and waves along the rail.
 7. `confirm_on_hold_out`: does it predict the data that were kept back better?
 
-Each step has a file of its name. Steps 2 and 3 are in `regression`, the others in `inference`;
-`build_diagnosis` puts the findings into sentences, an extended model and plot data.
+Each step has a file of its name. Steps 2 and 3 are in `regression`, the others in `inference`.
+Between steps 6 and 7 the selected model must pass `rules`; `build_diagnosis` puts the findings into
+sentences, an extended model and plot data.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,11 +25,7 @@ from adhesion_can.diagnosis.cause_result import Witness
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import RATE_HZ, thin_drives
 from adhesion_can.diagnosis.evidence import Untested
-from adhesion_can.diagnosis.inference.candidates import (
-    build_candidates,
-    describe_insufficient_data,
-    find_untestable,
-)
+from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.inference.compute_effect_grams import compute_effect_grams
 from adhesion_can.diagnosis.inference.confirm_on_hold_out import (
     ConfirmedFindings,
@@ -37,6 +34,7 @@ from adhesion_can.diagnosis.inference.confirm_on_hold_out import (
 )
 from adhesion_can.diagnosis.inference.curve_shape import (
     choose_families,
+    drop_doubtful_effects,
     judge_shape,
     score_families,
 )
@@ -46,9 +44,11 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
     find_residual_channels,
 )
 from adhesion_can.diagnosis.inference.findings import NOISELESS, Findings
+from adhesion_can.diagnosis.inference.insufficient_data import (
+    describe_insufficient_data,
+    find_untestable,
+)
 from adhesion_can.diagnosis.inference.judge_surface_changes import explains_without_changes
-from adhesion_can.diagnosis.inference.part_rivals import part_rivals
-from adhesion_can.diagnosis.inference.propose_formula import with_formula
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS, select_effects
 from adhesion_can.diagnosis.inference.signal_faults import (
     find_largest_oscillation,
@@ -62,16 +62,8 @@ from adhesion_can.diagnosis.inference.split_hold_out import (
 from adhesion_can.diagnosis.next_drive.apply_remaining import apply_remaining
 from adhesion_can.diagnosis.next_drive.compute_next_drive import compute_next_drive
 from adhesion_can.diagnosis.next_drive.explanations import build_explanations
-from adhesion_can.diagnosis.next_drive.remaining import (
-    RemainingExplanations,
-    find_remaining,
-)
-from adhesion_can.diagnosis.refutation.refute import (
-    drop_refuted,
-    refute_by_witness,
-    refute_shape,
-    with_implausible_effects,
-)
+from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations, find_remaining
+from adhesion_can.diagnosis.refutation.refute import refute_by_witness, refute_shape
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.find_surface_changes import (
     build_regression_data,
@@ -85,6 +77,7 @@ from adhesion_can.diagnosis.regression.prepare_regression import (
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
+from adhesion_can.diagnosis.rules import apply_rules
 from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 from adhesion_can.physics.effects.formula import AnyFormula
@@ -161,45 +154,40 @@ def diagnose(
     show("surface changes", 0.05)
     change_times = [find_surface_changes(drive, candidates) for drive in thin]
     # Steps 3 to 6
-    analysis = _Analysis(thin, candidates, block, block_length_s, settings, show)
-    found, shaped = analysis.explain_changes(change_times, held_out)
-    plain_found, grams = found, None
+    analysis = _Analysis(thin, held_out, candidates, block, block_length_s, settings, show)
+    findings, shaped = analysis.explain_changes(change_times)
+    plain_found, grams = findings, None
     if settings.effect_grams:
-        grams = compute_effect_grams(found.prepared, found.selection.plain.rmse)
+        grams = compute_effect_grams(findings.prepared, findings.selection.plain.rmse)
     # Step 7
     show("gain", 0.85)
-    other_drives = any(held_out)
     if shaped is None:
-        found, dropped = drop_uncertain(found, other_drives=other_drives)
+        findings, dropped = drop_uncertain(findings)
         untested += dropped
-    confirmed = confirm_on_hold_out(shaped or found, other_drives=other_drives)
+    confirmed = confirm_on_hold_out(shaped or findings)
     if shaped is not None and confirmed.shape is None:
         rejected = confirmed.rejected
-        confirmed = confirm_on_hold_out(found, other_drives=other_drives)
+        confirmed = confirm_on_hold_out(findings)
         # What else was found or refuted beside that shape counts no longer.
-        untested += [one for one in rejected if one.what == CURVE_SHAPE]
+        untested += [finding for finding in rejected if finding.what == CURVE_SHAPE]
     elif shaped is not None:
-        found = shaped
+        findings = shaped
     untested += find_untestable(used)
     deciding = [drive for drive, held in zip(used, held_out, strict=True) if not held]
     remaining = _find_remaining(deciding, plain_found, settings, show)
-    found, confirmed = apply_remaining(
-        found, confirmed, plain_found, remaining, other_drives=other_drives
-    )
-    build = partial(
-        build_diagnosis, used, untested=untested, remaining=remaining, other_drives=other_drives
-    )
-    diagnosis = build(found, confirmed)
+    findings, confirmed = apply_remaining(findings, confirmed, plain_found, remaining)
+    build = partial(build_diagnosis, used, untested=untested, remaining=remaining)
+    diagnosis = build(findings, confirmed)
     witness = None
     if ask_witness is not None and diagnosis.causes:
         show("second witness", 0.92)
         witness = ask_witness(diagnosis)
     if witness is not None and witness.stays:
-        found = refute_by_witness(found, plain_found, witness)
-        confirmed = confirm_on_hold_out(found, other_drives=other_drives)
-        diagnosis = build(found, confirmed)
+        findings = refute_by_witness(findings, plain_found, witness)
+        confirmed = confirm_on_hold_out(findings)
+        diagnosis = build(findings, confirmed)
     diagnosis = _with_remaining(diagnosis, remaining)
-    diagnosis = _with_next_drive(diagnosis, found, confirmed, settings, show)
+    diagnosis = _with_next_drive(diagnosis, findings, confirmed, settings, show)
     show("done", 1.0)
     return replace(diagnosis, effect_grams=grams, witness=witness)
 
@@ -218,7 +206,7 @@ def _with_remaining(diagnosis: Diagnosis, remaining: RemainingExplanations | Non
 
 def _with_next_drive(
     diagnosis: Diagnosis,
-    found: Findings,
+    findings: Findings,
     confirmed: ConfirmedFindings,
     settings: DiagnosisSettings,
     show: ShowProgress,
@@ -227,21 +215,21 @@ def _with_next_drive(
     if not settings.explanations and settings.limits is None:
         return diagnosis
     show("next drive", 0.95)
-    refuted = (one.refuted.fitted.model for one in confirmed.closest)
+    refuted = (cause.refuted.fitted.model for cause in confirmed.closest)
     by_effect = {cause.effect: cause.rivals for cause in diagnosis.causes}
-    rivals = {one: by_effect.get(one.effect.id, ()) for one in confirmed.named}
+    rivals = {candidate: by_effect.get(candidate.effect.id, ()) for candidate in confirmed.named}
     explanations = build_explanations(
-        found, is_confirmed=bool(diagnosis.causes), rivals=rivals, others=refuted
+        findings, is_confirmed=bool(diagnosis.causes), rivals=rivals, others=refuted
     )
     next_drive = None
     if settings.limits is not None:
         named = dict.fromkeys(rival for ids in rivals.values() for rival in ids)
-        next_drive = compute_next_drive(found, explanations, settings.limits, tuple(named))
+        next_drive = compute_next_drive(findings, explanations, settings.limits, tuple(named))
     return replace(diagnosis, explanations=explanations, next_drive=next_drive)
 
 
 def _find_remaining(
-    drives: Sequence[DriveData], found: Findings, settings: DiagnosisSettings, show: ShowProgress
+    drives: Sequence[DriveData], findings: Findings, settings: DiagnosisSettings, show: ShowProgress
 ) -> RemainingExplanations | None:
     """What short drives leave of the explanations of the long ones; None where none is short."""
     long, short = split_by_length(drives)
@@ -253,7 +241,7 @@ def _find_remaining(
     if len(explanations) < 2:
         return None
     names = ([drive.name for drive in part] for part in (long, short))
-    return find_remaining(explanations, found.prepared, *names)
+    return find_remaining(explanations, findings.prepared, *names)
 
 
 @dataclass(frozen=True)
@@ -262,6 +250,7 @@ class _Analysis:
 
     Attributes:
         drives: Drive data of each recording, thinned.
+        held_out: Whether each drive is held out whole.
         candidates: Effects that can be tested.
         block: Block number of each row, −1 − number in rows that are held out; shape (n,).
         block_length_s: Length of a block, s.
@@ -271,6 +260,7 @@ class _Analysis:
     """
 
     drives: tuple[DriveData, ...]
+    held_out: Sequence[bool]
     candidates: tuple[Candidate, ...]
     block: NDArray[np.int64]
     block_length_s: float
@@ -284,53 +274,50 @@ class _Analysis:
             change_times: Times of the surface changes in each drive, s.
 
         """
-        found = self.run(change_times)
+        findings = self.run(change_times)
         self.show("curve families", 0.75)
-        return self._run_with_shape(replace(found, families=score_families(found)))
+        return self._run_with_shape(replace(findings, families=score_families(findings)))
 
-    def _run_with_shape(self, found: Findings) -> tuple[Findings, Findings | None]:
+    def _run_with_shape(self, findings: Findings) -> tuple[Findings, Findings | None]:
         """Findings with a curve of another family; None where Burckhardt's is as good.
 
         The findings with Burckhardt's curve come first, with the shapes that were refuted.
         """
-        if found.selection.plain.rmse < NOISELESS:
-            return found, None
-        for curves, most in choose_families(found, found.families):
-            shaped = self.run(found.change_times, curves, most).without_doubtful_effects
-            shape = judge_shape(found, shaped)
+        if findings.selection.plain.rmse < NOISELESS:
+            return findings, None
+        for curves, most in choose_families(findings, findings.families):
+            shaped = drop_doubtful_effects(self.run(findings.change_times, curves, most))
+            shape = judge_shape(findings, shaped)
             if shape is None:
                 continue
-            shaped = replace(shaped, families=found.families, shape=shape)
+            shaped = replace(shaped, families=findings.families, shape=shape)
             if not shaped.explains:
                 continue
             refuted = refute_shape(shaped)
             if refuted is None:
-                return found, shaped
-            found = replace(found, refuted=(*found.refuted, refuted))
-        return found, None
+                return findings, shaped
+            findings = replace(findings, refuted=(*findings.refuted, refuted))
+        return findings, None
 
-    def explain_changes(
-        self, change_times: list[list[float]], held_out: Sequence[bool]
-    ) -> tuple[Findings, Findings | None]:
+    def explain_changes(self, change_times: list[list[float]]) -> tuple[Findings, Findings | None]:
         """Findings as `explain` gives them, with the surface changes or without them.
 
         Args:
             change_times: Times of the surface changes in each drive, s.
-            held_out: Whether each drive is held out whole.
 
         """
-        found, shaped = self.explain(change_times)
+        findings, shaped = self.explain(change_times)
         # Drives that are held out decide nothing: what they are without changes is not asked.
         unchanged = [
-            times if held else [] for times, held in zip(change_times, held_out, strict=True)
+            times if held else [] for times, held in zip(change_times, self.held_out, strict=True)
         ]
         if unchanged != change_times:
             # The other explanation of the same data: the surface never changed, effects or the
             # shape of the curve did it all.
             other, other_shaped = self.explain(unchanged)
-            if explains_without_changes(shaped or found, other_shaped or other):
+            if explains_without_changes(shaped or findings, other_shaped or other):
                 return other, other_shaped
-        return found, shaped
+        return findings, shaped
 
     def run(
         self,
@@ -367,7 +354,7 @@ class _Analysis:
             rng = np.random.default_rng(seed)
             return tuple(find_residual_channels(prepared.regression, fitted, channel_alpha, rng))
 
-        found = Findings(
+        selected = Findings(
             prepared=prepared,
             detection=detection,
             selection=selection,
@@ -378,7 +365,6 @@ class _Analysis:
             block_length_s=self.block_length_s,
             alpha=self.settings.alpha,
             channel_alpha=channel_alpha,
+            other_drives=any(self.held_out),
         )
-        found = with_formula(found.without_noise_averages).without_bent_channel
-        found = part_rivals(found.without_sizeless_effects)
-        return with_implausible_effects(drop_refuted(found))
+        return apply_rules(selected)

@@ -140,9 +140,9 @@ def project_grams(
     gram, score = total[:k, :k], total[:k, k]
     rows = float(grams.rows.sum())
     diagonal = np.maximum(gram.diagonal(), TINY)
-    own = np.einsum("bii->bi", blocks)[:, :k] * (score / diagonal)
+    of_parameter = np.einsum("bii->bi", blocks)[:, :k] * (score / diagonal)
     number = len(blocks)
-    spread = np.sum((blocks[:, :k, k] - own) ** 2, axis=0) * number / max(number - 1, 1)
+    spread = np.sum((blocks[:, :k, k] - of_parameter) ** 2, axis=0) * number / max(number - 1, 1)
     white = (total[k, k] - score**2 / diagonal) / max(rows, 1.0) * gram.diagonal()
     return EffectGrams(
         keys=tuple(keys),

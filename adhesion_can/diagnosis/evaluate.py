@@ -6,7 +6,7 @@ is the same figure.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.drive.thinning import thin_drives
+from adhesion_can.diagnosis.gain_result import Comparison
 from adhesion_can.diagnosis.inference.candidates import build_candidates
 from adhesion_can.diagnosis.inference.hold_out_gain import LEAST_RECORDINGS, gain_interval
 from adhesion_can.diagnosis.inference.split_hold_out import HELD_BLOCKS, number_blocks_of_drives
@@ -23,19 +24,13 @@ from adhesion_can.diagnosis.regression.find_surface_changes import (
     find_surface_changes,
     fit_start_curves,
 )
-from adhesion_can.diagnosis.regression.model import (
-    EXCLUDED,
-    Model,
-    RegressionData,
-    evaluate_model,
-)
+from adhesion_can.diagnosis.regression.model import EXCLUDED, Model, RegressionData, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import (
     choose_block_length,
     prepare_regression,
 )
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
-from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect
@@ -87,11 +82,7 @@ class PartEvaluation:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it."""
-        return {
-            "recording": self.recording,
-            "from_s": self.from_s,
-            "to_s": self.to_s,
-            "samples": self.samples,
+        return asdict(self) | {
             "plain": {"rmse": self.plain},
             "as_written": self.as_written.to_dict(),
             "refitted": self.refitted.to_dict(),
@@ -119,21 +110,21 @@ class Evaluation:
         """As JSON has it."""
         return {
             "total": self.total.to_dict(),
-            "recordings": [one.to_dict() for one in self.recordings],
-            "surfaces": [one.to_dict() for one in self.surfaces],
+            "recordings": [part.to_dict() for part in self.recordings],
+            "surfaces": [part.to_dict() for part in self.surfaces],
             "left_out": self.left_out,
         }
 
     def _repr_html_(self) -> str:
         rows = [
             (
-                one.recording or "all",
-                str(one.samples),
-                f"{one.plain:.4g}",
-                f"{one.as_written.rmse:.4g}",
-                f"{one.refitted.rmse:.4g}",
+                part.recording or "all",
+                str(part.samples),
+                f"{part.plain:.4g}",
+                f"{part.as_written.rmse:.4g}",
+                f"{part.refitted.rmse:.4g}",
             )
-            for one in (*self.recordings, self.total)
+            for part in (*self.recordings, self.total)
         ]
         columns = ("recording", "samples", "plain", "as written", "refitted")
         return html_table("RMSE of the adhesion", columns, rows)
@@ -156,22 +147,30 @@ def evaluate(drives: Sequence[DriveData], model: ExtendedModel) -> Evaluation:
         require_effects_apply(model, drive)
     thin, left_out = _with_values(thin_drives(used), model)
     candidates, _ = build_candidates(used)
-    data = build_regression_data(thin, [find_surface_changes(one, candidates) for one in thin])
+    data = build_regression_data(thin, [find_surface_changes(drive, candidates) for drive in thin])
     residuals = compute_residuals(data, model)
-    clock = np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in thin])
-    number = np.repeat(np.arange(len(thin)), [len(drive) for drive in thin])
+    clock = _clock(data)
     recordings, surfaces = [], []
     for place, drive in enumerate(thin):
-        rows = residuals.used & (number == place)
+        rows = residuals.used & (data.drive_number == place)
         recordings.append(_part(residuals, rows, clock, drive.name))
         surfaces += [
-            _part(residuals, rows & (data.surface == one), clock, drive.name)
-            for one in np.unique(data.surface[rows])
+            _part(residuals, rows & (data.surface == number_of_surface), clock, drive.name)
+            for number_of_surface in np.unique(data.surface[rows])
         ]
-    if len(thin) >= LEAST_RECORDINGS:
-        residuals = replace(residuals, unit=number)
-    total = _part(residuals, residuals.used, clock, "")
-    return Evaluation(total, tuple(recordings), tuple(surfaces), left_out)
+    return Evaluation(_total(data, residuals), tuple(recordings), tuple(surfaces), left_out)
+
+
+def _clock(data: RegressionData) -> Array:
+    """Time of each row on the clock of its recording, s; shape (n,)."""
+    return np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in data.drives])
+
+
+def _total(data: RegressionData, residuals: ModelResiduals) -> PartEvaluation:
+    """Figures of all rows; the units are recordings where there are some."""
+    if len(data.drives) >= LEAST_RECORDINGS:
+        residuals = replace(residuals, unit=data.drive_number)
+    return _part(residuals, residuals.used, _clock(data), "")
 
 
 def _with_values(
@@ -181,8 +180,8 @@ def _with_values(
     data = build_regression_data(tuple(drives), [[] for _ in drives])
     with np.errstate(all="ignore"):
         curves = _model_curves(model, data.surfaces)
-        found = evaluate_model(data, curves, model_effects(model))
-        finite = np.isfinite(found.slip) & np.isfinite(found.residual)
+        evaluated = evaluate_model(data, curves, model_effects(model))
+        finite = np.isfinite(evaluated.slip) & np.isfinite(evaluated.residual)
     if finite.all():
         return tuple(drives), 0
     if not finite.any():
@@ -191,8 +190,7 @@ def _with_values(
             f"its effects have no finite value in any of {len(finite)} rows",
             "correct the formula, or remove it from the model",
         )
-    ends = np.cumsum([len(drive) for drive in drives])[:-1]
-    parts = zip(drives, np.split(finite, ends), strict=True)
+    parts = zip(drives, data.split(finite), strict=True)
     kept = (drive.select_rows(rows) for drive, rows in parts)
     return tuple(drive for drive in kept if len(drive)), int((~finite).sum())
 
@@ -208,17 +206,12 @@ def evaluate_held_out(
         model: Extended model.
 
     """
-    lengths = [len(drive) for drive in data.drives]
-    surface = data.surface[np.repeat(held, lengths)]
+    surface = data.surface[held[data.drive_number]]
     known = np.unique(surface[surface != EXCLUDED])
     numbered = np.where(surface == EXCLUDED, EXCLUDED, np.searchsorted(known, surface))
     drives = tuple(drive for drive, out in zip(data.drives, held, strict=True) if out)
-    residuals = compute_residuals(RegressionData(drives, numbered, len(known)), model)
-    if len(drives) >= LEAST_RECORDINGS:
-        number = np.repeat(np.arange(len(drives)), [len(drive) for drive in drives])
-        residuals = replace(residuals, unit=number)
-    clock = np.concatenate([drive.time_s + drive.first_us / 1e6 for drive in drives])
-    return _part(residuals, residuals.used, clock, "")
+    held_data = RegressionData(drives, numbered, len(known))
+    return _total(held_data, compute_residuals(held_data, model))
 
 
 def compute_residuals(data: RegressionData, model: ExtendedModel) -> ModelResiduals:
@@ -293,7 +286,7 @@ def compare(residuals: ModelResiduals, of_model: Array, rows: NDArray[np.bool_])
 
     """
     before, after = residuals.plain[rows], of_model[rows]
-    rmse_before, rmse = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
+    rmse_before, rmse = (float(np.sqrt(np.mean(residual**2))) for residual in (before, after))
     interval = gain_interval(before, after, residuals.unit[rows])
     percent = 100.0 * (1.0 - rmse / max(rmse_before, 1e-300))
     return Comparison(rmse, percent, interval, rmse_before)

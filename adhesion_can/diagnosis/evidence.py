@@ -1,11 +1,11 @@
 """What the data say of each effect and channel: tested with what outcome, or why not."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from math import nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-SURE, WORTH_PERCENT = 0.025, 3.0
+SIGNIFICANT_P_VALUE, LEAST_GAIN_PERCENT = 0.025, 3.0
 """P-value up to which, and gain from which, what is left is not called noise."""
 
 
@@ -26,7 +26,7 @@ class Decision(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class EffectEvidence:
     """Evidence of the data for one effect.
 
     Attributes:
@@ -36,7 +36,7 @@ class Evidence:
         statistic: Statistic of the sign-flip test.
         p_value: P-value, all effects counted.
         absorbed: Share of the signature that the curve's own parameters imitate, 0 to 1.
-        most_alike: Id of the effect with the most similar signature, and the cosine between them.
+        most_similar: Id of the effect with the most similar signature, and the cosine between them.
         gain_percent: Share by which the effect alone would lower the RMSE of the deciding data, %.
         decision: What was decided about the effect.
         worse_p_value: P-value with which the effect predicts worse than the causes, by the test
@@ -51,7 +51,7 @@ class Evidence:
     statistic: float
     p_value: float
     absorbed: float
-    most_alike: tuple[str, float]
+    most_similar: tuple[str, float]
     gain_percent: float
     decision: Decision = Decision.NOT_SIGNIFICANT
     worse_p_value: float = nan
@@ -66,6 +66,11 @@ class Evidence:
     def is_sure(self) -> bool:
         """Whether the deciding data alone would name the effect."""
         return _is_sure(self.p_value, self.gain_percent)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fields of `diagnosis.json`, where the key of `most_similar` is 'most_alike'."""
+        document = asdict(self) | {"most_similar": list(self.most_similar)}
+        return {"most_alike" if key == "most_similar" else key: document[key] for key in document}
 
 
 class ModelScore(NamedTuple):
@@ -124,4 +129,4 @@ class ChannelEvidence:
 
 def _is_sure(p_value: float, gain_percent: float) -> bool:
     """Whether what was found is neither chance nor too small to matter."""
-    return p_value <= SURE and gain_percent >= WORTH_PERCENT
+    return p_value <= SIGNIFICANT_P_VALUE and gain_percent >= LEAST_GAIN_PERCENT

@@ -11,7 +11,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChan
 from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread, compare_peaks
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import (
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     evaluate_model,
@@ -101,22 +101,22 @@ def estimate_segments(
 
     """
     evaluation = evaluate_model(data, extended.curves, extended.active_effects)
-    found: list[SegmentResult] = []
+    results: list[SegmentResult] = []
     longest, place_of_longest, most = None, (0, 0), -1
     first = number = 0
     for place, (drive, times) in enumerate(zip(data.drives, change_times, strict=True)):
         rows = slice(first, first + len(drive))
         first += len(drive)
         for _ in range(len(times) + 1):
-            own = np.flatnonzero(data.surface[rows] == number) + rows.start
-            if len(own) >= LEAST_ROWS:
-                result = _estimate_segment(drive, own, rows.start, evaluation)
+            rows_of_segment = np.flatnonzero(data.surface[rows] == number) + rows.start
+            if len(rows_of_segment) >= LEAST_ROWS:
+                result = _estimate_segment(drive, rows_of_segment, rows.start, evaluation)
                 result = _take_fitted_curves(result, data, number, extended, fits, evaluation)
-                found.append(result)
-                if len(own) > most:
-                    longest, place_of_longest, most = result, (place, number), len(own)
+                results.append(result)
+                if len(rows_of_segment) > most:
+                    longest, place_of_longest, most = result, (place, number), len(rows_of_segment)
             number += 1
-    return tuple(found), longest, place_of_longest
+    return tuple(results), longest, place_of_longest
 
 
 def _take_fitted_curves(
@@ -125,12 +125,12 @@ def _take_fitted_curves(
     surface: int,
     extended: Model,
     fits: SegmentFits,
-    evaluation: Evaluation,
+    evaluation: EvaluatedModel,
 ) -> SegmentResult:
     """Result of a segment with the curves of the regression, which knows errors of the slips."""
-    own = data.surface == surface
+    rows_of_surface = data.surface == surface
     share = 1.0 - IdentifiabilitySettings().reach
-    reached = float(np.quantile(np.abs(evaluation.slip[own]), share))
+    reached = float(np.quantile(np.abs(evaluation.slip[rows_of_surface]), share))
     conditions = find_conditions(data, surface)
     spread = compare_peaks(fits.extended.model, fits.other_forms, surface, conditions)
     plain = fits.plain.model.curves
@@ -148,7 +148,7 @@ def _take_fitted_curves(
 
 
 def _estimate_segment(
-    drive: DriveData, rows: NDArray[np.int64], start: int, evaluation: Evaluation
+    drive: DriveData, rows: NDArray[np.int64], start: int, evaluation: EvaluatedModel
 ) -> SegmentResult:
     """Estimate the curves of one segment, its rows taken as independent.
 
@@ -161,17 +161,17 @@ def _estimate_segment(
     """
     rows = rows[:: max(len(rows) // MOST_ROWS, 1)]
     observed = drive.observe()
-    own = rows - start
+    rows_of_drive = rows - start
     clear = np.abs(evaluation.factor[rows]) > LEAST_FACTOR
-    plain = _fit_estimate(observed.slip[own], observed.adhesion[own])
+    plain = _fit_estimate(observed.slip[rows_of_drive], observed.adhesion[rows_of_drive])
     extended = plain
     if clear.sum() >= LEAST_ROWS:
         corrected = evaluation.adhesion[rows][clear] / evaluation.factor[rows][clear]
         extended = _fit_estimate(evaluation.slip[rows][clear], corrected)
     return SegmentResult(
         drive.name,
-        drive.first_us / 1e6 + float(drive.time_s[own].min()),
-        drive.first_us / 1e6 + float(drive.time_s[own].max()),
+        drive.first_us / 1e6 + float(drive.time_s[rows_of_drive].min()),
+        drive.first_us / 1e6 + float(drive.time_s[rows_of_drive].max()),
         plain,
         extended,
     )
@@ -201,9 +201,9 @@ def build_extended_model(
 
     """
     curves, model = extended.curves, fitted.model
-    own = slice(curves.size * surface, curves.size * (surface + 1))
+    of_surface = slice(curves.size * surface, curves.size * (surface + 1))
     scale = np.diag(curves.scales[surface])
-    covariance = _to_matrix(scale @ fitted.covariance[own, own] @ scale)
+    covariance = _to_matrix(scale @ fitted.covariance[of_surface, of_surface] @ scale)
     curve = None
     values = tuple(map(float, curves.parameters[surface]))
     if curves.family is BURCKHARDT:
@@ -217,9 +217,7 @@ def build_extended_model(
     return ExtendedModel(
         base=(c1, c2, c3),
         base_covariance=covariance,
-        effects=tuple(
-            c.active(values) for c, values in zip(model.candidates, model.values, strict=True)
-        ),
+        effects=tuple(candidate.active(values) for candidate, values in model.estimates),
         covariances=_effect_covariances(fitted),
         splines=() if spline is None else (spline,),
         curve=curve,
@@ -243,11 +241,11 @@ def _effect_covariances(fitted: FittedModel) -> tuple[Matrix | None, ...]:
     covariances: list[Matrix | None] = []
     first = fitted.model.curves.values.size
     for candidate in fitted.model.candidates:
-        own = slice(first, first + candidate.size)
+        of_effect = slice(first, first + candidate.size)
         first += candidate.size
         full = np.zeros((len(candidate.effect.parameters),) * 2)
         free = [i for i, p in enumerate(candidate.effect.parameters) if p.free]
-        full[np.ix_(free, free)] = fitted.covariance[own, own]
+        full[np.ix_(free, free)] = fitted.covariance[of_effect, of_effect]
         covariances.append(_to_matrix(full))
     return tuple(covariances)
 

@@ -7,7 +7,7 @@ model as written.
 from enum import StrEnum
 from math import isfinite
 
-from adhesion_can.diagnosis.result import Comparison
+from adhesion_can.diagnosis.gain_result import Comparison
 
 USEFUL_GAIN = 0.5
 """Gain from which a model is of practical use, %: its effects then explain a tenth of the residual
@@ -69,12 +69,12 @@ def judge_model(refitted: Comparison) -> ModelWorth:
     return ModelWorth.USEFUL if refitted.percent >= USEFUL_GAIN else ModelWorth.SMALL
 
 
-def describe_gain(one: Comparison) -> str:
+def describe_gain(comparison: Comparison) -> str:
     """'43.1 % (95 % interval 36.4 to 49.0 %)', with the decimals that a small gain needs."""
-    low, high = one.interval
-    digits = 1 if abs(one.percent) >= 1.0 else 2
+    low, high = comparison.interval
+    digits = 1 if abs(comparison.percent) >= 1.0 else 2
     # A loss that rounds to 0 has no sign.
-    percent, low, high = (round(value, digits) + 0.0 for value in (one.percent, low, high))
+    percent, low, high = (round(value, digits) + 0.0 for value in (comparison.percent, low, high))
     text = f"{percent:.{digits}f} %"
     if not (isfinite(low) and isfinite(high)):
         return text

@@ -69,12 +69,12 @@ def fit_other_forms(regression: WhitenedRegression, fitted: FittedModel) -> tupl
     if model.curves.family is BURCKHARDT and not (falls or points):
         return ()
     limit = (1.0 + NEARLY_AS_GOOD) ** 2 * fitted.grams.square
-    found = []
+    as_good = []
     for family in (FREE, POLACH):
         if family is POLACH and model.curves.family is POLACH:
             continue
         other = Model(fit_family_curves(regression.data, family), fixed=model.fixed)
-        for candidate, values in zip(model.candidates, model.values, strict=True):
+        for candidate, values in model.estimates:
             if candidate.effect.id != FALLING_FRICTION:
                 other = other.with_effect(candidate, values)
         if family is FREE and all(drive.has_speed for drive in regression.data.drives):
@@ -83,8 +83,8 @@ def fit_other_forms(regression: WhitenedRegression, fitted: FittedModel) -> tupl
             other = other.with_effect(friction, typical)
         refitted = fit_model(regression, other, ITERATIONS)
         if refitted.grams.square <= limit:
-            found.append(refitted.model)
-    return tuple(found)
+            as_good.append(refitted.model)
+    return tuple(as_good)
 
 
 def compare_peaks(
@@ -106,7 +106,9 @@ def find_peak_with_friction(
     """μ_max and λ_m of a curve times its falling friction, in given conditions."""
     slip = np.geomspace(1e-4, SLIP_MAX, POINTS)
     curve = model.curves.family.adhesion(slip, model.curves.parameters[surface], conditions)
-    falling = tuple(one for one in model.active_effects if one.effect.id == FALLING_FRICTION)
+    falling = tuple(
+        active for active in model.active_effects if active.effect.id == FALLING_FRICTION
+    )
     curve = curve * compute_change(falling, _contact_at(slip, conditions), LagStates()).factor
     top = int(np.argmax(curve))
     return float(curve[top]), float(slip[top])
@@ -114,16 +116,16 @@ def find_peak_with_friction(
 
 def _contact_at(slip: Array, conditions: Conditions) -> Contact:
     """Contacts at given slips and one speed and load, without anything else."""
-    one = np.ones_like(slip)
-    speed = conditions.speed * one
+    ones = np.ones_like(slip)
+    speed = conditions.speed * ones
     return Contact(
         slip=slip,
         creep_speed=slip * speed,
         speed=speed,
-        load=conditions.load * one,
-        time_s=0.0 * one,
-        axle=one,
-        place=one,
-        adhesion=one,
+        load=conditions.load * ones,
+        time_s=0.0 * ones,
+        axle=ones,
+        place=ones,
+        adhesion=ones,
         covariates={},
     )

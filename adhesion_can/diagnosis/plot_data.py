@@ -7,11 +7,17 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
+from adhesion_can.diagnosis.plot_result import (
+    CurveData,
+    PlotData,
+    PredictionPlot,
+    Profile,
+    SimulationPlot,
+)
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     evaluate_model,
@@ -46,13 +52,10 @@ def find_plotted_channel(
 
 def _build_derived_channel(data: RegressionData, name: str) -> Channel | None:
     """A channel that is plotted and never tested; None where there is none of that name."""
-    observed = [drive.observe() for drive in data.drives]
     if name == "creep_speed":
-        values = np.abs(np.concatenate([one.creep_speed for one in observed]))
-        return Channel(name, ChannelKind.FACTOR, values)
+        return Channel(name, ChannelKind.FACTOR, np.abs(data.observed("creep_speed")))
     if name == "signed_slip":
-        values = np.concatenate([one.slip for one in observed])
-        return Channel(name, ChannelKind.OFFSET, values)
+        return Channel(name, ChannelKind.OFFSET, data.observed("slip"))
     return None
 
 
@@ -109,9 +112,36 @@ def _number_bins(values: Array) -> NDArray[np.int64]:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
 
 
+def build_plots(
+    data: RegressionData,
+    drive: DriveData,
+    surface: int,
+    plain: Model,
+    extended: Model,
+    *,
+    with_simulations: bool,
+) -> PlotData:
+    """Everything that is drawn of the longest segment.
+
+    Args:
+        data: Rows of all drives.
+        drive: Every row of the recording with the segment.
+        surface: Number of the segment's surface.
+        plain: Model without effects.
+        extended: Model with effects.
+        with_simulations: Whether signals are simulated, of a recording.
+
+    """
+    return PlotData(
+        build_simulation_plots(drive, surface, plain, extended) if with_simulations else (),
+        build_prediction_plot(data, plain, extended),
+        build_curve_data(data, surface, extended),
+    )
+
+
 def build_simulation_plots(
     drive: DriveData, surface: int, plain: Model, extended: Model
-) -> list[SimulationPlot]:
+) -> tuple[SimulationPlot, ...]:
     """Measured against simulated signals, for the axle and span that the extension changes most.
 
     Args:
@@ -122,21 +152,23 @@ def build_simulation_plots(
 
     """
     if not len(drive) or drive.table:
-        return []
+        return ()
     before = _evaluate_drive(drive, plain, surface)
     after = _evaluate_drive(drive, extended, surface)
     change = np.abs(before.residual - after.residual)
     axles = np.unique(drive.axle)
     axle = int(max(axles, key=lambda i: float(np.mean(change[drive.axle == i] ** 2))))
-    own = np.flatnonzero(drive.axle == axle)
-    window = np.floor(drive.t_s[own] / (WINDOW_S / 2)).astype(np.int64)
+    rows_of_axle = np.flatnonzero(drive.axle == axle)
+    window = np.floor(drive.t_s[rows_of_axle] / (WINDOW_S / 2)).astype(np.int64)
     windows = np.unique(window)
-    power = [float(np.sum(change[own][window == w] ** 2)) for w in windows]
+    power = [float(np.sum(change[rows_of_axle][window == w] ** 2)) for w in windows]
     start_s = float(windows[int(np.argmax(power))]) * WINDOW_S / 2
-    rows = own[(drive.t_s[own] >= start_s) & (drive.t_s[own] < start_s + WINDOW_S)]
+    rows = rows_of_axle[
+        (drive.t_s[rows_of_axle] >= start_s) & (drive.t_s[rows_of_axle] < start_s + WINDOW_S)
+    ]
     if len(rows) < LEAST_ROWS:
-        return []
-    return [
+        return ()
+    return (
         SimulationPlot(
             recording=drive.name,
             axle=axle,
@@ -148,11 +180,11 @@ def build_simulation_plots(
             predicted_before=before.predicted[rows],
             predicted_after=after.predicted[rows],
             restart_s=RESTART_S,
-        )
-    ]
+        ),
+    )
 
 
-def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> Evaluation:
+def _evaluate_drive(drive: DriveData, model: Model, surface: int) -> EvaluatedModel:
     """A model with the curve of one surface, evaluated on every row of a drive."""
     data = RegressionData((drive,), np.zeros(len(drive), dtype=np.int64), 1)
     return evaluate_model(data, model.curves.select(surface), model.active_effects)

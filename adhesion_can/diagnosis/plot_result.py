@@ -100,3 +100,19 @@ class CurveData:
     corrected_slip: Array
     corrected_adhesion: Array
     shape: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlotData:
+    """What the page of a diagnosis draws, beside its figures.
+
+    Attributes:
+        simulations: Measured against simulated signals; none of a sample table.
+        prediction: Measured against predicted adhesion of sample tables; None of recordings.
+        curves: Data of the longest segment; None without data.
+
+    """
+
+    simulations: tuple[SimulationPlot, ...] = ()
+    prediction: PredictionPlot | None = None
+    curves: CurveData | None = None

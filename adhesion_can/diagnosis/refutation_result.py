@@ -28,8 +28,8 @@ def build_closest(
 
     """
     has_load = any(drive.has_load for drive in data.drives)
-    ranked = sorted(confirmed.closest, key=lambda one: -one.gain.percent)
-    return tuple(_build_closest(one, has_load=has_load) for one in ranked)
+    ranked = sorted(confirmed.closest, key=lambda cause: -cause.gain.percent)
+    return tuple(_build_closest(cause, has_load=has_load) for cause in ranked)
 
 
 def _build_closest(closest: ClosestCause, *, has_load: bool) -> ClosestExplanation:
@@ -44,12 +44,12 @@ def _build_closest(closest: ClosestCause, *, has_load: bool) -> ClosestExplanati
 
 
 def build_environments(
-    found: Findings, confirmed: ConfirmedFindings, causes: Sequence[Cause], model: Model
+    findings: Findings, confirmed: ConfirmedFindings, causes: Sequence[Cause], model: Model
 ) -> tuple[EnvironmentSizes, ...]:
     """Sizes by environment of the named effects, and of refuted ones where they refute.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         confirmed: Findings that hold on the held-out data.
         causes: Named causes.
         model: Final model, whose sizes are those of the causes.
@@ -59,30 +59,32 @@ def build_environments(
     out: list[EnvironmentSizes] = []
     for place, candidate in enumerate(model.candidates):
         if candidate.effect.id in named:
-            sizes = found.sizes_by_environment.get(candidate, ())
+            sizes = findings.sizes_by_environment.get(candidate, ())
             out += _describe_sizes(candidate, model.values[place], sizes)
     for closest in confirmed.closest:
         refuted = closest.refuted
         if refuted.place is not None:
             candidate = refuted.fitted.model.candidates[refuted.place]
             values = refuted.fitted.model.values[refuted.place]
-            out += _describe_sizes(candidate, values, (one for one in refuted.sizes if one.refutes))
+            out += _describe_sizes(
+                candidate, values, (sizes_of for sizes_of in refuted.sizes if sizes_of.refutes)
+            )
     return tuple(out)
 
 
 def _describe_sizes(
     candidate: Candidate, values: Sequence[float], sizes: Iterable[SizesByEnvironment]
 ) -> Iterator[EnvironmentSizes]:
-    for one in sizes:
-        levels = zip(one.labels, one.sizes.tolist(), one.stds.tolist(), strict=True)
+    for sizes_of in sizes:
+        levels = zip(sizes_of.labels, sizes_of.sizes.tolist(), sizes_of.stds.tolist(), strict=True)
         yield EnvironmentSizes(
             candidate.effect.id,
-            candidate.free_parameters[one.parameter].name,
-            one.partition,
-            candidate.free_parameters[one.parameter].unit,
-            values[one.parameter],
+            candidate.free_parameters[sizes_of.parameter].name,
+            sizes_of.partition,
+            candidate.free_parameters[sizes_of.parameter].unit,
+            values[sizes_of.parameter],
             tuple(SizeLevel(label, value, std) for label, value, std in levels),
-            one.p_value,
-            one.spread,
-            one.refutes,
+            sizes_of.p_value,
+            sizes_of.spread,
+            sizes_of.refutes,
         )

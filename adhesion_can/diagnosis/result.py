@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from enum import Flag, StrEnum, auto
+from enum import StrEnum
+from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.cause_result import (
@@ -16,19 +17,15 @@ from adhesion_can.diagnosis.cause_result import (
     Witness,
 )
 from adhesion_can.diagnosis.effect_grams import EffectGrams
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, ModelScore, Untested
+from adhesion_can.diagnosis.evidence import ChannelEvidence, EffectEvidence, ModelScore, Untested
+from adhesion_can.diagnosis.gain_result import Gain
+from adhesion_can.diagnosis.next_drive.explanations import Explanation
+from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.diagnosis.next_drive.result import NextDrive
-from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
+from adhesion_can.diagnosis.plot_result import CurveData, PlotData, Profile
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import html_table, plus_minus
-
-if TYPE_CHECKING:  # they build on the findings, which build on this module
-    from adhesion_can.diagnosis.next_drive.explanations import Explanation
-    from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
-
-MUCH_LEFT = 1.5
-"""RMSE over the noise floor from which what the plain curve leaves is not called noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,119 +52,6 @@ class Verdict(StrEnum):
     NAMED = "named"
     NOTHING = "nothing_found"
     UNEXPLAINED = "unexplained"
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """RMSE of the adhesion of a model beside that of the plain curve.
-
-    Attributes:
-        rmse: RMSE of the model.
-        percent: Gain over the plain curve, %.
-        interval: 95 % interval of the gain, %; infinite where there are too few spans.
-        plain: RMSE of the plain curve.
-
-    """
-
-    rmse: float
-    percent: float
-    interval: tuple[float, float]
-    plain: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON has it."""
-        return {"rmse": self.rmse, "percent": self.percent, "interval": list(self.interval)}
-
-
-class GainMethod(Flag):
-    """How a gain and its interval were computed, where not plainly over the units."""
-
-    PLAIN = 0
-    WITHOUT_SPEED_ERRORS = auto()
-    WHERE_IT_ACTS = auto()
-
-    @property
-    def note(self) -> str:
-        """What is said of it behind what was held out; '' for the plain gain."""
-        return "".join(_METHOD_NOTES[one] for one in self)
-
-    @property
-    def names(self) -> list[str]:
-        """As JSON has it."""
-        return [str(one.name).lower() for one in self]
-
-
-_METHOD_NOTES = {
-    GainMethod.WITHOUT_SPEED_ERRORS: ("; vehicle-speed errors that all axles share are removed"),
-    GainMethod.WHERE_IT_ACTS: (
-        "; the interval is that of the gain on these data, where the models differ"
-    ),
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Gain:
-    """Gain of the extended model on held-out data.
-
-    Attributes:
-        rmse_before: RMSE of the plain model's adhesion on the held-out data.
-        rmse_after: RMSE of the extended model's adhesion on the held-out data.
-        noise_floor: RMSE on the deciding data with the effects and a spline in every channel.
-        percent: Gain 100 (1 − after/before), %.
-        interval: 95 % confidence interval of the gain, %.
-        units: Description of the data that were held out, a clause.
-        spans: Recording, start and end of each held-out span, s on the recording's clock.
-        as_written: The model as written, where whole recordings were held out; there
-            `rmse_after` is that with the curve refitted. None elsewhere.
-        method: How gain and interval were computed.
-        whole: Whether whole recordings were held out.
-
-    """
-
-    rmse_before: float
-    rmse_after: float
-    noise_floor: float
-    percent: float
-    interval: tuple[float, float]
-    units: str
-    spans: tuple[tuple[str, float, float], ...]
-    as_written: Comparison | None = None
-    method: GainMethod = GainMethod.PLAIN
-    whole: bool = False
-
-    @property
-    def held_out(self) -> str:
-        """Description of the data that were held out and of how they were used, a clause."""
-        return self.units + self.method.note
-
-    @property
-    def leaves_much(self) -> bool:
-        """Whether the plain model leaves far more than noise."""
-        return self.rmse_before > MUCH_LEFT * self.noise_floor
-
-    def to_dict(self) -> dict[str, Any]:
-        """Fields of `diagnosis.json`."""
-        document: dict[str, Any] = {
-            "rmse_before": self.rmse_before,
-            "rmse_after": self.rmse_after,
-            "noise_floor": self.noise_floor,
-            "percent": self.percent,
-            "interval": list(self.interval),
-            "held_out": self.held_out,
-            "method": self.method.names,
-            "spans": [[begin, end] for _, begin, end in self.spans],
-            "recordings": [recording for recording, _, _ in self.spans],
-        }
-        written = self.as_written
-        if written is not None:
-            document["as_written"] = {
-                "rmse_before": written.plain,
-                "rmse_after": written.rmse,
-                "noise_floor": self.noise_floor,
-                "percent": written.percent,
-                "interval": list(written.interval),
-            }
-        return document
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +122,7 @@ class SegmentResult:
         return {"recording": self.recording, "from_s": self.from_s, "to_s": self.to_s}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """Result of a diagnosis.
 
@@ -249,69 +133,81 @@ class Diagnosis:
         wrong: Sentence for each finding, with size, unit and place.
         gain: Gain on held-out data; None where the data allow no verdict at all.
         evidence: Evidence for every tested effect, largest gain first.
+        models: Models that were compared, with their errors on blocks that were left out, the best
+            first.
         channels: Dependence of the selected model's residual on every channel.
         needed: Manoeuvre or signal that would separate the rivals; None: none is needed.
         untested: Effects and quantities that the data do not identify, with the reason.
         surfaces: Adhesion curves of every segment.
-        model: Extended model; None where no curve with a peak could be fitted.
-        profile: Mean residual over the channel that matters; None: no channel does.
-        simulation_plots: Measured against simulated signals; none of a sample table.
-        curves: Data of the longest segment; None without data.
-        samples: Number of rows by input name.
-        lost: Number of unusable rows by input name and reason.
-        input_files: Input files; () where the data came from no file.
         families: Curve families side by side, Burckhardt's first; () without a verdict.
-        prediction: Measured against predicted adhesion of sample tables; None of recordings.
-        effect_grams: Gram matrices of the effects for a diagnosis of many drives; None where they
-            were not asked for, or the data allow no verdict at all.
+        model: Extended model; None where no curve with a peak could be fitted.
         closest: Effects that help and were refuted as causes, the largest gain first.
         environments: Sizes of the named effects by environment, of each effect the partition with
             the largest spread first; those of the refuted ones where they refute.
         noise: Noise floor beside the sensors' noise; None where the data allow no verdict at all.
-        next_drive: Drive that would distinguish the remaining explanations; None where it was not
-            asked for, or the data allow no verdict at all.
-        explanations: Explanations that the data leave; () where they were not asked for.
-        remaining: What a short drive leaves of the explanations of the long ones; None where there
-            is none, or nothing to choose from.
-        models: Models that were compared, with their errors on blocks that were left out, the best
-            first.
+        saturated: Whether the reading of an effort sensor is cut off at a limit.
+        oscillates: Whether the drive train oscillates enough to matter in the force balance.
         witness: The service's doubt with the plain curve and with the extended model; None where no
             cause is named, or no recording is long enough.
+        remaining: What a short drive leaves of the explanations of the long ones; None where there
+            is none, or nothing to choose from.
+        explanations: Explanations that the data leave; () where they were not asked for.
+        next_drive: Drive that would distinguish the remaining explanations; None where it was not
+            asked for, or the data allow no verdict at all.
+        next_step: What to do next, a clause with a command.
+        effect_grams: Gram matrices of the effects for a diagnosis of many drives; None where they
+            were not asked for, or the data allow no verdict at all.
+        profile: Mean residual over the channel that matters; None: no channel does.
+        draw: Function that computes `plots`.
+        samples: Number of rows by input name.
+        lost: Number of unusable rows by input name and reason.
+        begins: Time 0 of each input by its name, µs on its own clock.
+        tables: Whether the rows come from sample tables.
+        input_files: Input files; () where the data came from no file.
 
     """
 
     verdict: Verdict
-    causes: tuple[Cause, ...]
-    channel: str | None
-    wrong: tuple[str, ...]
-    gain: Gain | None
-    evidence: tuple[Evidence, ...]
-    channels: tuple[ChannelEvidence, ...]
-    needed: str | None
-    untested: tuple[Untested, ...]
-    surfaces: tuple[SegmentResult, ...]
-    model: ExtendedModel | None
-    profile: Profile | None
-    simulation_plots: tuple[SimulationPlot, ...]
-    curves: CurveData | None
-    samples: Mapping[str, int] = field(default_factory=dict)
-    lost: Mapping[str, int] = field(default_factory=dict)
-    input_files: tuple[InputFile, ...] = ()
+    causes: tuple[Cause, ...] = ()
+    channel: str | None = None
+    wrong: tuple[str, ...] = ()
+    gain: Gain | None = None
+    evidence: tuple[EffectEvidence, ...] = ()
+    models: tuple[ModelScore, ...] = ()
+    channels: tuple[ChannelEvidence, ...] = ()
+    needed: str | None = None
+    untested: tuple[Untested, ...] = ()
+    surfaces: tuple[SegmentResult, ...] = ()
     families: tuple[FamilyResult, ...] = ()
-    prediction: PredictionPlot | None = None
-    effect_grams: EffectGrams | None = None
+    model: ExtendedModel | None = None
     closest: tuple[ClosestExplanation, ...] = ()
     environments: tuple[EnvironmentSizes, ...] = ()
     noise: NoiseResult | None = None
-    next_drive: NextDrive | None = None
-    explanations: "tuple[Explanation, ...]" = ()
-    remaining: "RemainingExplanations | None" = None
-    models: tuple[ModelScore, ...] = ()
-    witness: Witness | None = None
     saturated: bool = False
     oscillates: bool = False
+    witness: Witness | None = None
+    remaining: RemainingExplanations | None = None
+    explanations: tuple[Explanation, ...] = ()
+    next_drive: NextDrive | None = None
     next_step: str = ""
+    effect_grams: EffectGrams | None = None
+    profile: Profile | None = None
+    draw: Callable[[], PlotData] = PlotData
+    samples: Mapping[str, int] = field(default_factory=dict)
+    lost: Mapping[str, int] = field(default_factory=dict)
     begins: Mapping[str, int] = field(default_factory=dict)
+    tables: bool = False
+    input_files: tuple[InputFile, ...] = ()
+
+    @cached_property
+    def plots(self) -> PlotData:
+        """What a page draws, computed when it is asked for."""
+        return self.draw()
+
+    @property
+    def curves(self) -> CurveData | None:
+        """Data of the longest segment; None without data."""
+        return self.plots.curves
 
     @property
     def longest_segment(self) -> SegmentResult | None:
@@ -327,7 +223,9 @@ class Diagnosis:
         if self.verdict is not Verdict.NOTHING:
             return True
         leaves_more = self.noise is not None and self.noise.leaves_more
-        return not (gain.leaves_much or leaves_more or any(one.is_sure for one in self.evidence))
+        return not (
+            gain.leaves_much or leaves_more or any(tested.is_sure for tested in self.evidence)
+        )
 
     @property
     def held_out_files(self) -> set[str]:
@@ -347,12 +245,12 @@ class Diagnosis:
             "channel": self.channel,
             "wrong": list(self.wrong),
             "gain": None if self.gain is None else self.gain.to_dict(),
-            "evidence": [asdict(e) | {"most_alike": list(e.most_alike)} for e in self.evidence],
-            "models": [one._asdict() for one in self.models],
+            "evidence": [tested.to_dict() for tested in self.evidence],
+            "models": [model._asdict() for model in self.models],
             "needed": self.needed,
             "next": self.next_step,
-            "closest": [one.to_dict() for one in self.closest],
-            "environments": [one.to_dict() for one in self.environments],
+            "closest": [cause.to_dict() for cause in self.closest],
+            "environments": [environment.to_dict() for environment in self.environments],
             "noise": None if self.noise is None else self.noise.to_dict(),
             "witness": None if self.witness is None else self.witness.to_dict(),
             "untested": [untested._asdict() for untested in self.untested],

@@ -8,11 +8,12 @@ import numpy as np
 
 from adhesion_can.diagnosis.cause_result import Cause
 from adhesion_can.diagnosis.formatting import measured, short, sizes, three_digits, unit_text
+from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.plot_result import Profile
 from adhesion_can.diagnosis.regression.channel_splines import Channel
-from adhesion_can.diagnosis.result import Diagnosis, Gain
+from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import Observability, forms_of_effect
@@ -47,7 +48,9 @@ def _observability(effect: str) -> _Shown:
     if effect == CURVE_SHAPE:
         return _Shown(effect, SHAPE_OBSERVABILITY)
     forms = [form.observability for form in forms_of_effect(effect)]
-    separations = tuple(dict.fromkeys(one for form in forms for one in form.separations))
+    separations = tuple(
+        dict.fromkeys(separation for form in forms for separation in form.separations)
+    )
     return _Shown(effect, replace(forms[0], separations=separations))
 
 
@@ -57,7 +60,7 @@ def _separation(effect: _Shown, rival: _Shown) -> str:
         for separation in one.observability.separations:
             if separation.rival == other.id:
                 return separation.manoeuvre
-    mine, theirs = (one.observability.excitation or one.id for one in (effect, rival))
+    mine, theirs = (name.observability.excitation or name.id for name in (effect, rival))
     return f"a drive in which {mine} and {theirs} vary independently of each other"
 
 
@@ -108,13 +111,13 @@ def name_with_wave(channel: Channel) -> str:
     return f"{channel.name}, wave of {channel.period:.1f} m" if channel.period else channel.name
 
 
-def unexplained_clause(found: Diagnosis) -> str:
+def unexplained_clause(diagnosis: Diagnosis) -> str:
     """What no known effect explains, a clause: the residual depends on no single channel."""
-    if found.oscillates:
+    if diagnosis.oscillates:
         return "the wheel speeds oscillate"
-    if found.noise is not None and found.noise.exceeds:
+    if diagnosis.noise is not None and diagnosis.noise.exceeds:
         return "more is left than sensor noise explains"
-    if found.closest:
+    if diagnosis.closest:
         return "an effect that helps is refuted as the cause"
     return "the plain curve does not explain the data"
 
@@ -146,11 +149,11 @@ def oscillation_sentence(oscillation: DriveTrainOscillation) -> str:
 def saturation_sentences(sensors: Sequence[SaturatedSensor]) -> list[str]:
     """A sentence for each recording with sensors that are cut off at a limit."""
     out = []
-    for recording in dict.fromkeys(one.recording for one in sensors):
-        own = [one for one in sensors if one.recording == recording]
-        axles = ", ".join(str(one.axle) for one in own)
-        most = max(one.effort for one in own)
-        shares = [100 * one.share for one in own]
+    for recording in dict.fromkeys(sensor.recording for sensor in sensors):
+        own = [sensor for sensor in sensors if sensor.recording == recording]
+        axles = ", ".join(str(sensor.axle) for sensor in own)
+        most = max(sensor.effort for sensor in own)
+        shares = [100 * sensor.share for sensor in own]
         one, other = (f"{share:.1f}" for share in (min(shares), max(shares)))
         share = one if one == other else f"{one} to {other}"
         whose = f"axle {axles}" if len(own) == 1 else f"axles {axles}"

@@ -7,8 +7,8 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
-from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
+from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import RegressionData
@@ -35,11 +35,7 @@ def find_conditions(data: RegressionData, surface: int) -> Conditions:
     """Mean speed and load of the rows of one surface; the load is NaN where it is not known."""
     rows = data.surface == surface
     rows = rows if rows.any() else np.ones(len(data), dtype=np.bool_)
-    observed = [drive.observe() for drive in data.drives]
-    speed, load = (
-        float(np.concatenate([getattr(one, name) for one in observed])[rows].mean())
-        for name in ("speed", "load")
-    )
+    speed, load = (float(data.observed(name)[rows].mean()) for name in ("speed", "load"))
     known = all(drive.has_load for drive in data.drives)
     return Conditions(speed, load if known else np.nan)
 
@@ -76,13 +72,13 @@ def estimate_fitted_curve(
         return estimate
     covariance = fitted.covariance[place, place]
 
-    def nearest(one: SegmentCurves) -> Array:
+    def nearest(curves: SegmentCurves) -> Array:
         if is_burckhardt:
-            return np.array(one.parameters[0])
-        return np.array(find_nearest_burckhardt(one.family, one.parameters[0], conditions))
+            return np.array(curves.parameters[0])
+        return np.array(find_nearest_burckhardt(curves.family, curves.parameters[0], conditions))
 
-    def peak(one: SegmentCurves) -> Array:
-        top = one.peak(0, conditions, SLIP_MAX)
+    def peak(curves: SegmentCurves) -> Array:
+        top = curves.peak(0, conditions, SLIP_MAX)
         return np.array([float(top.mu_max), float(top.lambda_m)])
 
     mu_max, lambda_m = peak(own).tolist()
@@ -173,41 +169,40 @@ def build_shape_cause(
     )
 
 
-def build_family_results(found: Findings, surface: int) -> tuple[FamilyResult, ...]:
+def build_family_results(findings: Findings, surface: int) -> tuple[FamilyResult, ...]:
     """Curve families side by side, Burckhardt's first.
 
     Args:
-        found: Findings with the fits of all families.
+        findings: Findings with the fits of all families.
         surface: Number of the surface whose curves are drawn.
 
     """
-    data = found.prepared.regression.data
+    data = findings.regression.data
     conditions = find_conditions(data, surface)
-    observed = np.concatenate([drive.observe().slip for drive in data.drives])
-    own = np.abs(observed[data.surface == surface])
-    slip = np.linspace(0.0, float(own.max(initial=0.0)) or 0.2, POINTS)
-    chosen = found.selection.best.fitted.model.curves.family.name
+    reached = np.abs(data.observed("slip")[data.surface == surface]).max(initial=0.0)
+    slip = np.linspace(0.0, float(reached) or 0.2, POINTS)
+    chosen = findings.selection.best.model.curves.family.name
     return tuple(
-        _build_family_result(one, surface, conditions, slip, chosen=one.family.name == chosen)
-        for one in found.families
+        _build_family_result(scored, surface, conditions, slip, chosen=scored.family.name == chosen)
+        for scored in findings.families
     )
 
 
 def _build_family_result(
-    one: ScoredFamily, surface: int, conditions: Conditions, slip: Array, *, chosen: bool
+    scored: ScoredFamily, surface: int, conditions: Conditions, slip: Array, *, chosen: bool
 ) -> FamilyResult:
-    curves = one.scored.fitted.model.curves
+    curves = scored.scored.model.curves
     values = curves.parameters[surface]
     top = curves.peak(surface, conditions, SLIP_MAX)
     return FamilyResult(
-        family=one.family.name,
-        title=one.family.title,
+        family=scored.family.name,
+        title=scored.family.title,
         parameters=curves.size,
-        held_out_rmse=one.held_out_rmse,
-        rmse=one.scored.rmse,
+        held_out_rmse=scored.held_out_rmse,
+        rmse=scored.scored.rmse,
         mu_max=float(top.mu_max),
         lambda_m=float(top.lambda_m) if bool(top.interior) else None,
         chosen=chosen,
         slip=slip,
-        adhesion=one.family.adhesion(slip, values, conditions),
+        adhesion=scored.family.adhesion(slip, values, conditions),
     )

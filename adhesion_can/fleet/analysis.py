@@ -40,13 +40,7 @@ class Analysis:
     rows: dict[str, list[Row]] = field(default_factory=dict)
 
     def take(self, name: str, work: Callable[[], Result]) -> Result | None:
-        """Result of a step, whose time is taken; None where it failed, which becomes data.
-
-        Args:
-            name: Name of the step.
-            work: Function that does it.
-
-        """
+        """Result of a step, whose time is taken; None where it failed, which becomes data."""
         began = perf_counter()
         try:
             return work()

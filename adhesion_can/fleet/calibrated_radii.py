@@ -41,12 +41,7 @@ class AppliedRadii:
 
 
 def choose_radii(found: Calibration) -> AppliedRadii:
-    """Calibrated radii that are certain, plausible and differ enough to matter.
-
-    Args:
-        found: Result of the calibration.
-
-    """
+    """Calibrated radii that are certain, plausible and differ enough to matter."""
     estimated = [one for one in found.axles if one.estimate is not None]
     differ = [one for one in estimated if abs(one.ratio - 1.0) >= LEAST_WEAR]
     if not differ:

@@ -27,7 +27,8 @@ def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
             "typical": key.typical,
             "value": _finite(size[place]),
             "std": _finite(std[place]),
-            **_fit(grams.fits.get(place)),
+            "fitted_value": None if (fit := grams.fits.get(place)) is None else fit.value,
+            "fitted_std": None if fit is None else fit.std,
             "absorbed": float(grams.absorbed[place]),
             "gram": grams.gram[place].tolist(),
             "score": float(grams.score[place]),
@@ -39,13 +40,6 @@ def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
         }
         for place, key in enumerate(grams.keys)
     ]
-
-
-def _fit(found: SizeEstimate | None) -> dict[str, float | None]:
-    return {
-        "fitted_value": None if found is None else found.value,
-        "fitted_std": None if found is None else found.std,
-    }
 
 
 def _finite(value: float) -> float | None:

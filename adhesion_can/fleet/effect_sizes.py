@@ -8,7 +8,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey
-from adhesion_can.diagnosis.inference.candidates import IMITATED
+from adhesion_can.diagnosis.inference.candidates import UNTESTABLE_SHARE
 
 Sizes = Mapping[EffectKey, float]
 """Size of each effect of some."""
@@ -44,7 +44,7 @@ class EffectSizes:
         for row, one in enumerate(grams):
             if one.keys not in columns:
                 columns[one.keys] = [place[_comparable(key)] for key in one.keys]
-            known = np.where(one.absorbed < IMITATED, one.size, np.nan)
+            known = np.where(one.absorbed < UNTESTABLE_SHARE, one.size, np.nan)
             size[row, columns[one.keys]] = known
             variance[row, columns[one.keys]] = one.std**2
         variance[~np.isfinite(size)] = np.nan
@@ -114,10 +114,6 @@ def held_out_gain(units: Sequence[EffectGrams], key: EffectKey) -> tuple[float, 
 
     With several units each one is predicted with the size of the others. One unit alone is
     predicted by itself, less twice what chance gains (Mallows, Technometrics 15 (1973) 661-675).
-
-    Args:
-        units: Gram matrices of the units.
-        key: Effect.
 
     Returns:
         Share of the sum of squares, and whether units were held out.

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from adhesion_can.diagnosis.effect_grams import EffectKey
 from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.pooled_size import PooledSize
 
@@ -19,7 +20,7 @@ class Scope(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class FleetFinding:
     """One finding.
 
     Attributes:
@@ -70,11 +71,20 @@ class Finding:
     named_by: int = 0
     pooled: PooledSize | None = None
 
+    @classmethod
+    def of(cls, key: EffectKey, scope: Scope, where: str, **rest: Any) -> "FleetFinding":
+        """Finding of an effect; `rest` has the other fields."""
+        return cls(scope, where, key.effect, key.form, key.axle, key.parameter, key.unit, **rest)
+
+    @property
+    def key(self) -> EffectKey:
+        """Effect, without a typical size."""
+        return EffectKey(self.effect, self.form, self.axle, self.parameter, self.unit, 1.0)
+
     @property
     def name(self) -> str:
         """Effect id with form and axle."""
-        words = [self.effect, self.form, f"axle {self.axle}" if self.axle else ""]
-        return " ".join(word for word in words if word)
+        return self.key.name
 
     def to_dict(self) -> dict[str, Any]:
         """The finding as JSON has it."""
@@ -107,7 +117,7 @@ class VehicleSummary:
 
     vehicle: str
     score: float
-    findings: tuple[Finding, ...]
+    findings: tuple[FleetFinding, ...]
     units: int
     failed: int
     reasons: tuple[str, ...] = ()
@@ -172,7 +182,7 @@ class FleetDiagnosis:
     """
 
     vehicles: tuple[VehicleSummary, ...]
-    shared: tuple[Finding, ...]
+    shared: tuple[FleetFinding, ...]
     kinds: tuple[KindSummary, ...]
     units: int
     diagnosed: int
@@ -202,7 +212,7 @@ class FleetDiagnosis:
         return tuple((one, effect) for one in self.vehicles for effect in one.causes_alone)
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[FleetFinding, ...]:
         """All findings: those of the fleet, lines and days, then of the vehicles."""
         return (*self.shared, *(f for one in self.vehicles for f in one.findings))
 

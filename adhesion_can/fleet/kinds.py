@@ -24,7 +24,7 @@ Effects = frozenset[tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
-class Kind:
+class VehicleKind:
     """Units of vehicles that are compared with each other.
 
     Attributes:
@@ -47,13 +47,10 @@ class Kind:
         return self.vehicles >= LEAST_VEHICLES
 
 
-def find_kinds(units: Iterable[UnitEvidence]) -> tuple[Kind, ...]:
+def find_kinds(units: Iterable[UnitEvidence]) -> tuple[VehicleKind, ...]:
     """Kinds of some units, that with the most vehicles first.
 
     Units without effects and without wheel radii have no part in any.
-
-    Args:
-        units: Evidence of all units.
 
     """
     by_form: dict[VehicleForm, list[UnitEvidence]] = defaultdict(list)
@@ -61,12 +58,16 @@ def find_kinds(units: Iterable[UnitEvidence]) -> tuple[Kind, ...]:
         if one.has_effects or one.radii:
             by_form[one.form].append(one)
     found = [
-        Kind("", tuple(own)) for form in sorted(by_form, key=repr) for own in _split(by_form[form])
+        VehicleKind("", tuple(own))
+        for form in sorted(by_form, key=repr)
+        for own in _split(by_form[form])
     ]
     found.sort(key=lambda kind: (-kind.vehicles, kind.units[0].unit))
     if len(found) < 2:
         return tuple(found)
-    return tuple(Kind(name, kind.units) for name, kind in zip(_names(found), found, strict=True))
+    return tuple(
+        VehicleKind(name, kind.units) for name, kind in zip(_names(found), found, strict=True)
+    )
 
 
 def _split(units: Sequence[UnitEvidence]) -> list[list[UnitEvidence]]:
@@ -83,7 +84,11 @@ def _split(units: Sequence[UnitEvidence]) -> list[list[UnitEvidence]]:
     sets = Counter(frozenset(own) for own in effects.values() if own)
     leader: dict[Effects, Effects] = {}
     for own in sorted(sets, key=lambda one: (-sets[one], -len(one), sorted(one))):
-        like = (other for other in dict.fromkeys(leader.values()) if _are_alike(own, other))
+        like = (
+            other
+            for other in dict.fromkeys(leader.values())
+            if len(own & other) >= ALIKE * len(own | other)
+        )
         leader[own] = next(like, own)
     first = next(iter(leader.values()), frozenset())
     divided: dict[Effects, list[UnitEvidence]] = defaultdict(list)
@@ -92,11 +97,7 @@ def _split(units: Sequence[UnitEvidence]) -> list[list[UnitEvidence]]:
     return list(divided.values())
 
 
-def _are_alike(one: Effects, other: Effects) -> bool:
-    return len(one & other) >= ALIKE * len(one | other)
-
-
-def _names(kinds: Sequence[Kind]) -> list[str]:
+def _names(kinds: Sequence[VehicleKind]) -> list[str]:
     """Names of several kinds, each another one.
 
     Data and axles, the first vehicle where these do not suffice, and a number where one vehicle has
@@ -114,7 +115,7 @@ def _names(kinds: Sequence[Kind]) -> list[str]:
     return names
 
 
-def _plain_name(kind: Kind) -> str:
+def _plain_name(kind: VehicleKind) -> str:
     form = kind.units[0].form
     if form.axles is None:
         return form.data or "others"

@@ -10,7 +10,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.fleet.findings import FleetDiagnosis
 
-SURE = 0.1
+MOST_RELATIVE_STD = 0.1
 """Relative standard deviation of μ_max up to which a segment counts."""
 MOST_POINTS = 4000
 """Largest number of points of the map; of more, those at even distances in their order are kept."""
@@ -115,7 +115,7 @@ def summarise_fleet(
     points: list[tuple[float, float, float]] = []
     for row in segments:
         mu, std = row["mu_max"], row["mu_max_std"]
-        if row["unit_id"] not in lines or mu is None or std is None or std > SURE * mu:
+        if row["unit_id"] not in lines or mu is None or std is None or std > MOST_RELATIVE_STD * mu:
             continue
         day = "" if row["day"] is None else str(row["day"])
         place = lines[row["unit_id"]], day

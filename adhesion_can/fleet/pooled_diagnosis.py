@@ -19,13 +19,13 @@ from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.effect_sizes import EffectSizes
 from adhesion_can.fleet.evidence import UnitEvidence
 from adhesion_can.fleet.findings import (
-    Finding,
     FleetDiagnosis,
+    FleetFinding,
     KindSummary,
     Scope,
     VehicleSummary,
 )
-from adhesion_can.fleet.kinds import Kind, find_kinds
+from adhesion_can.fleet.kinds import VehicleKind, find_kinds
 from adhesion_can.fleet.settings import FleetSettings
 from adhesion_can.fleet.shared_findings import Known, find_fleet_effects, find_place_effects
 from adhesion_can.fleet.size_findings import FindingSizes, size_findings_of
@@ -49,7 +49,7 @@ def diagnose_fleet(
 
     """
     settings = settings or FleetSettings()
-    kinds = find_kinds(units) or (Kind("", tuple(units)),)
+    kinds = find_kinds(units) or (VehicleKind("", tuple(units)),)
     found = [_diagnose_kind(one, settings) for one in kinds]
     known = {unit.unit for kind in kinds for unit in kind.units}
     notes = [note for one in found for note in one.notes]
@@ -85,14 +85,14 @@ class _OfKind:
 
     """
 
-    vehicles: Mapping[str, tuple[Finding, ...]]
-    shared: tuple[Finding, ...]
+    vehicles: Mapping[str, tuple[FleetFinding, ...]]
+    shared: tuple[FleetFinding, ...]
     notes: tuple[str, ...]
     spreads: Mapping[str, float]
     sizes: FindingSizes
 
 
-def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
+def _diagnose_kind(kind: VehicleKind, settings: FleetSettings) -> _OfKind:
     """Findings of the units of one kind.
 
     Args:
@@ -104,8 +104,8 @@ def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
     diagnosed = [one for one in units if one.has_effects]
     sizes = EffectSizes.collect([one.grams for one in diagnosed if one.grams is not None])
     known: Known = [{} for _ in diagnosed]
-    shared: list[Finding] = []
-    vehicles: Mapping[str, tuple[Finding, ...]] = {}
+    shared: list[FleetFinding] = []
+    vehicles: Mapping[str, tuple[FleetFinding, ...]] = {}
     if len({one.vehicle for one in diagnosed}) > 1:
         shared += find_fleet_effects(sizes, diagnosed, known, settings)
         for scope in (Scope.LINE, Scope.DAY):
@@ -134,10 +134,10 @@ def _diagnose_kind(kind: Kind, settings: FleetSettings) -> _OfKind:
 
 
 def _rank(
-    units: Sequence[UnitEvidence], kinds: Sequence[Kind], found: Sequence[_OfKind]
+    units: Sequence[UnitEvidence], kinds: Sequence[VehicleKind], found: Sequence[_OfKind]
 ) -> tuple[VehicleSummary, ...]:
     """All vehicles: those with findings first, then those whose recordings name a cause."""
-    shared: dict[str, list[Finding]] = defaultdict(list)
+    shared: dict[str, list[FleetFinding]] = defaultdict(list)
     for kind, of_kind in zip(kinds, found, strict=True):
         for vehicle in {one.vehicle for one in kind.units}:
             shared[vehicle] += of_kind.shared
@@ -169,7 +169,7 @@ def _place(one: VehicleSummary) -> tuple[bool, float, float, str]:
     return not one.findings, -by_itself * (not one.findings), -one.score, one.vehicle
 
 
-def _cost(finding: Finding) -> float:
+def _cost(finding: FleetFinding) -> float:
     """Fall of the RMSE, %; of a wheel at least its error of slip beside a typical peak, %."""
     gain = finding.gain_percent or 0.0
     if finding.source == COASTING:
@@ -177,7 +177,7 @@ def _cost(finding: Finding) -> float:
     return gain
 
 
-def _notes(kind: Kind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
+def _notes(kind: VehicleKind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
     notes = []
     units = kind.units
     if not kind.compared:

@@ -55,13 +55,7 @@ def check_fields(result: CheckResult | TableCheck, problems: Sequence[str] = ())
 
 
 def calibration_fields(result: Calibration, applied: AppliedRadii) -> Row:
-    """Columns of `calibrate`: lists by axle from 1, whose values are None at an axle without any.
-
-    Args:
-        result: Result of the calibration.
-        applied: Radii that the later steps work with.
-
-    """
+    """Columns of `calibrate`: lists by axle from 1, with None at an axle without a value."""
     axles = {one.axle: one for one in result.axles}
 
     def listed(value: Callable[[AxleRadius], float | None]) -> list[float | None]:
@@ -184,7 +178,7 @@ def cause_rows(found: Diagnosis) -> list[Row]:
     }
     for evidence in found.evidence:
         row = rows.setdefault(evidence.effect, {"effect": evidence.effect, "named": False})
-        alike, cosine = evidence.most_alike
+        alike, cosine = evidence.most_similar
         tested = {
             "form": evidence.form,
             "axle": evidence.axle,

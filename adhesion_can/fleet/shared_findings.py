@@ -10,7 +10,7 @@ from adhesion_can.fleet.compare_places import compare_places
 from adhesion_can.fleet.compare_vehicles import vehicle_means
 from adhesion_can.fleet.effect_sizes import EffectSizes, gain_share, rmse_percent
 from adhesion_can.fleet.evidence import UnitEvidence
-from adhesion_can.fleet.findings import Finding, Scope
+from adhesion_can.fleet.findings import FleetFinding, Scope
 from adhesion_can.fleet.random_effects import Mean, pool
 from adhesion_can.fleet.settings import FleetSettings
 
@@ -28,9 +28,9 @@ Known = list[dict[EffectKey, float]]
 
 def find_fleet_effects(
     sizes: EffectSizes, units: Sequence[UnitEvidence], known: Known, settings: FleetSettings
-) -> list[Finding]:
+) -> list[FleetFinding]:
     """Effects that are there on most vehicles, the largest gain first; noted in `known`."""
-    found: list[Finding] = []
+    found: list[FleetFinding] = []
     vehicles = [one.vehicle for one in units]
     while len(found) < MOST_SHARED:
         left = sizes.without(known)
@@ -55,13 +55,22 @@ def find_fleet_effects(
         key = left.keys[j]
         for own in known:
             own[key] = mean.value
-        showing = _showing(left, j, np.arange(len(units)), mean.value)
         found.append(
-            _finding(
-                Scope.FLEET, "", key, mean, 0.0, p, share, int(np.isfinite(left.size[:, j]).sum()),
-                showing, _named_by(units, key),
+            FleetFinding.of(
+                key,
+                Scope.FLEET,
+                "",
+                value=mean.value,
+                std=mean.std,
+                fleet_value=0.0,
+                p_value=p,
+                gain_percent=rmse_percent(share),
+                held_out=False,
+                units=int(np.isfinite(left.size[:, j]).sum()),
+                showing=_showing(left, j, np.arange(len(units)), mean.value),
+                named_by=_named_by(units, key),
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -71,7 +80,7 @@ def find_place_effects(
     units: Sequence[UnitEvidence],
     known: Known,
     settings: FleetSettings,
-) -> list[Finding]:
+) -> list[FleetFinding]:
     """Effects that differ on a line, or on a day, whatever the vehicle; noted in `known`."""
     of: Callable[[UnitEvidence], str] = (
         (lambda one: one.line) if scope is Scope.LINE else lambda one: one.day
@@ -80,7 +89,7 @@ def find_place_effects(
     rng = np.random.default_rng(settings.seed)
     left = sizes.without(known)
     compared = compare_places(places, [one.vehicle for one in units], left.size, left.variance, rng)
-    found: list[Finding] = []
+    found: list[FleetFinding] = []
     for row, name in enumerate(compared.names):
         rows = np.array([i for i, place in enumerate(places) if place == name])
         own = [left.grams[i] for i in rows]
@@ -93,15 +102,24 @@ def find_place_effects(
             continue
         share, j = best
         key, value = left.keys[j], float(compared.size[row, j])
-        mean = Mean(value, float(compared.std[row, j]), int(np.isfinite(left.size[rows, j]).sum()))
         for i in rows:
             known[i][key] = known[i].get(key, 0.0) + value
         found.append(
-            _finding(
-                scope, name, key, mean, 0.0, float(compared.p_value[row, j]), share, mean.units,
-                _showing(left, j, rows, value), _named_by([units[i] for i in rows], key),
+            FleetFinding.of(
+                key,
+                scope,
+                name,
+                value=value,
+                std=float(compared.std[row, j]),
+                fleet_value=0.0,
+                p_value=float(compared.p_value[row, j]),
+                gain_percent=rmse_percent(share),
+                held_out=False,
+                units=int(np.isfinite(left.size[rows, j]).sum()),
+                showing=_showing(left, j, rows, value),
+                named_by=_named_by([units[i] for i in rows], key),
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -113,35 +131,3 @@ def _showing(sizes: EffectSizes, j: int, rows: np.ndarray, value: float) -> int:
 
 def _named_by(units: Sequence[UnitEvidence], key: EffectKey) -> int:
     return sum(key.effect in one.causes for one in units)
-
-
-def _finding(
-    scope: Scope,
-    where: str,
-    key: EffectKey,
-    mean: Mean,
-    fleet: float,
-    p_value: float,
-    share: float,
-    units: int,
-    showing: int,
-    named_by: int,
-) -> Finding:
-    return Finding(
-        scope=scope,
-        where=where,
-        effect=key.effect,
-        form=key.form,
-        axle=key.axle,
-        parameter=key.parameter,
-        unit=key.unit,
-        value=mean.value,
-        std=mean.std,
-        fleet_value=fleet,
-        p_value=p_value,
-        gain_percent=rmse_percent(share),
-        held_out=False,
-        units=units,
-        showing=showing,
-        named_by=named_by,
-    )

@@ -8,7 +8,7 @@ from functools import cached_property
 from adhesion_can.diagnosis.effect_grams import EffectKey
 from adhesion_can.fleet.effect_sizes import Sizes
 from adhesion_can.fleet.evidence import UnitEvidence
-from adhesion_can.fleet.findings import Finding, Scope
+from adhesion_can.fleet.findings import FleetFinding, Scope
 from adhesion_can.fleet.pooled_size import (
     PooledSize,
     UnitSize,
@@ -45,15 +45,9 @@ class FindingSizes:
             found[unit.vehicle].append(unit)
         return found
 
-    def with_size(self, finding: Finding, beside: Sequence[Finding] = ()) -> Finding:
-        """The finding with its pooled size.
-
-        Args:
-            finding: Finding.
-            beside: Findings of the same vehicle.
-
-        """
-        key = _key(finding)
+    def with_size(self, finding: FleetFinding, beside: Sequence[FleetFinding] = ()) -> FleetFinding:
+        """The finding with its pooled size."""
+        key = finding.key
         own = self._units_of(finding)
         sizes: list[UnitSize | None]
         if finding.source == COASTING:
@@ -65,7 +59,7 @@ class FindingSizes:
         else:
             spread = self.spreads.get(key, 0.0)
             others = {
-                _key(one): one.value for one in beside if one.source != COASTING and one != finding
+                one.key: one.value for one in beside if one.source != COASTING and one != finding
             }
             sizes = [
                 size_in_unit(unit, key, _without(key, {**self.known.get(unit.unit, {}), **others}))
@@ -74,7 +68,7 @@ class FindingSizes:
         known = [one for one in sizes if one is not None]
         return replace(finding, pooled=pool_sizes(key, known, spread))
 
-    def _units_of(self, finding: Finding) -> Sequence[UnitEvidence]:
+    def _units_of(self, finding: FleetFinding) -> Sequence[UnitEvidence]:
         """Units that a finding is about."""
         where = finding.where
         match finding.scope:
@@ -121,8 +115,3 @@ def size_findings_of(
 
 def _without(key: EffectKey, sizes: Sizes) -> Sizes:
     return {other: size for other, size in sizes.items() if other != key}
-
-
-def _key(finding: Finding) -> EffectKey:
-    named = finding.effect, finding.form, finding.axle, finding.parameter, finding.unit
-    return EffectKey(*named, 1.0)

@@ -28,7 +28,7 @@ from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import blocks_in_sequence
-from adhesion_can.recordings.tables.sample_table import Table, read_table
+from adhesion_can.recordings.tables.sample_table import SampleTable, read_table
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay_blocks
 
@@ -156,7 +156,7 @@ class TableUnit:
 
     def __init__(self, file: InputFile, config: Configuration) -> None:
         self.file, self._config = file, config
-        self._table: Table = read_table(file.path, config.columns)
+        self._table: SampleTable = read_table(file.path, config.columns)
 
     def describe(self) -> Row:
         """Times and sizes."""

@@ -10,7 +10,7 @@ from adhesion_can.diagnosis.effect_grams import EffectKey
 from adhesion_can.fleet.compare_vehicles import VehicleComparison, compare_vehicles, discoveries
 from adhesion_can.fleet.effect_sizes import EffectSizes, held_out_gain, rmse_percent
 from adhesion_can.fleet.evidence import UnitEvidence
-from adhesion_can.fleet.findings import Finding, Scope
+from adhesion_can.fleet.findings import FleetFinding, Scope
 from adhesion_can.fleet.settings import FleetSettings
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
@@ -86,7 +86,7 @@ def compare_units(
 
 def find_vehicle_effects(
     statistics: VehicleStatistics, settings: FleetSettings
-) -> dict[str, tuple[Finding, ...]]:
+) -> dict[str, tuple[FleetFinding, ...]]:
     """Findings of each vehicle that differs from the fleet, by its id."""
     wheels = _by_vehicle(statistics.wheels)
     effects = _by_vehicle(statistics.effects)
@@ -99,10 +99,10 @@ def find_vehicle_effects(
     by_effects = _discovered(statistics.effects, gains, rate)
     found = {}
     for name in vehicles:
-        by_wheel: list[Finding] = []
+        by_wheel: list[FleetFinding] = []
         if name in by_wheels:
             by_wheel = _wheel_findings(statistics, name, wheels[name], worn[name])
-        by_effect: list[Finding] = []
+        by_effect: list[FleetFinding] = []
         # A worn wheel bends the curve of its axle: what is left beside it is no size of anything,
         # unless the effects were looked for with the radius as it is.
         own = _own(statistics, name)
@@ -173,7 +173,7 @@ def _own(statistics: VehicleStatistics, vehicle: str) -> list[int]:
 
 def _effect_findings(
     statistics: VehicleStatistics, vehicle: str, row: int, gains: dict[int, tuple[float, bool]]
-) -> list[Finding]:
+) -> list[FleetFinding]:
     """The effect with the largest gain, and a second one beside it where it brings much.
 
     Of effects that gain alike, the one that most of the vehicle's recordings name leads: their own
@@ -219,18 +219,14 @@ def _effect_finding(
     j: int,
     gain: tuple[float, bool],
     rivals: tuple[str, ...],
-) -> Finding:
+) -> FleetFinding:
     compared, sizes = statistics.effects, statistics.sizes
     own, key, value = _own(statistics, vehicle), sizes.keys[j], float(compared.size[row, j])
     size, std = sizes.size[own, j], np.sqrt(sizes.variance[own, j])
-    return Finding(
-        scope=Scope.VEHICLE,
-        where=vehicle,
-        effect=key.effect,
-        form=key.form,
-        axle=key.axle,
-        parameter=key.parameter,
-        unit=key.unit,
+    return FleetFinding.of(
+        key,
+        Scope.VEHICLE,
+        vehicle,
         value=value,
         std=float(compared.std[row, j]),
         fleet_value=compared.spreads[j].center,
@@ -246,7 +242,7 @@ def _effect_finding(
 
 def _wheel_findings(
     statistics: VehicleStatistics, vehicle: str, row: int, worn: Sequence[int]
-) -> list[Finding]:
+) -> list[FleetFinding]:
     """A finding for each worn axle; one of the speed where all axles deviate alike."""
     wheels = statistics.wheels
     own = [i for i, one in enumerate(statistics.coasting) if one.vehicle == vehicle]
@@ -255,14 +251,10 @@ def _wheel_findings(
         value = float(wheels.size[row, j])
         size = statistics.radii[own, j]
         found.append(
-            Finding(
-                scope=Scope.VEHICLE,
-                where=vehicle,
-                effect=RADIUS[0],
-                form="",
-                axle=statistics.axles[j],
-                parameter=RADIUS[1],
-                unit=RADIUS[2],
+            FleetFinding.of(
+                _radius_key(statistics.axles[j]),
+                Scope.VEHICLE,
+                vehicle,
                 value=value,
                 std=float(wheels.std[row, j]),
                 fleet_value=wheels.spreads[j].center,
@@ -294,7 +286,10 @@ def _wheel_findings(
 
 def _radius_gain(statistics: VehicleStatistics, vehicle: str, axle: int) -> float | None:
     """Gain of an axle's radius in the regression, RMSE in %; None where it does not gain."""
-    key = EffectKey(RADIUS[0], "", axle, RADIUS[1], RADIUS[2], 1.0)
     own = [statistics.sizes.grams[i] for i in _own(statistics, vehicle)]
-    gain, held_out = held_out_gain(own, key)
+    gain, held_out = held_out_gain(own, _radius_key(axle))
     return rmse_percent(gain) if held_out and gain > 0.0 else None
+
+
+def _radius_key(axle: int) -> EffectKey:
+    return EffectKey(RADIUS[0], "", axle, RADIUS[1], RADIUS[2], 1.0)

@@ -164,13 +164,7 @@ def work_on(task: Task) -> Outcome:
 
 
 def give_up(task: Task, deaths: int) -> Outcome:
-    """Write the row of a unit that ended its worker several times.
-
-    Args:
-        task: Task of the unit.
-        deaths: Number of workers that ended while they worked on it.
-
-    """
+    """Write the row of a unit that ended its worker several times."""
     error = (
         f"{task.unit.path}: killed its worker {deaths} times, the last time as its only unit; "
         "give workers more memory with --memory, or run the commands of the steps on it by hand"

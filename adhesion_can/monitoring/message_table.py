@@ -15,7 +15,7 @@ from adhesion_can.bus.database import CanDatabase, cycle_us
 from adhesion_can.bus.frame import Frame
 from adhesion_can.bus.message_record import LATE_CYCLES, MessageRecord
 from adhesion_can.bus.rejection import Rejection
-from adhesion_can.monitoring.snapshot import Kind, MessageState, MessageView
+from adhesion_can.monitoring.snapshot import MessageRole, MessageState, MessageView
 
 TALLY_US = 100_000
 """Time between two notes of the counts, µs."""
@@ -36,7 +36,7 @@ class WatchedMessage:
 
     """
 
-    def __init__(self, message: CheckedMessage, kind: Kind) -> None:
+    def __init__(self, message: CheckedMessage, kind: MessageRole) -> None:
         self.message = message
         self.kind = kind
         self.accepted = 0
@@ -69,7 +69,7 @@ class _Place(NamedTuple):
     name: str
     frame_id: int
     is_extended: bool
-    kind: Kind
+    kind: MessageRole
     cycle_us: int | None
 
 
@@ -153,7 +153,7 @@ class MessageTable:
             message = self._names.get(key)
             stated = None if message is None else cycle_us(message)
             name = "" if message is None else message.name
-            place = _Place(name, *key, Kind.OTHER, stated)
+            place = _Place(name, *key, MessageRole.OTHER, stated)
             other = self._others[key] = _Other(place)
         other.accepted += 1
         other.last_us = frame.t_us
@@ -162,11 +162,11 @@ class MessageTable:
         """All messages at a time, µs: inputs, outputs, then others that came, by their ids."""
         rows = self._rows()
         found = [self._view(index, row, t_us) for index, row in enumerate(rows)]
-        known = [view for view in found if view.kind is not Kind.OTHER]
+        known = [view for view in found if view.kind is not MessageRole.OTHER]
         others = [
             view
             for view in found
-            if view.kind is Kind.OTHER and view.state is not MessageState.NEVER
+            if view.kind is MessageRole.OTHER and view.state is not MessageState.NEVER
         ]
         others.sort(key=lambda view: (view.is_extended, view.frame_id))
         return (*known, *others)
@@ -191,7 +191,7 @@ class MessageTable:
         rows = []
         for record in self._inputs:
             message = record.message
-            place = _place(message.plan, Kind.INPUT, message.cycle_us)
+            place = _place(message.plan, MessageRole.INPUT, message.cycle_us)
             counts = (record.accepted, record.rejected, record.lost, record.last_us)
             rows.append(_Row(place, *counts))
         for one in self._watched:
@@ -245,5 +245,5 @@ class MessageTable:
         return tally.counts[index]
 
 
-def _place(plan: MessagePlan, kind: Kind, cycle: int | None) -> _Place:
+def _place(plan: MessagePlan, kind: MessageRole, cycle: int | None) -> _Place:
     return _Place(plan.name, plan.frame_id, plan.is_extended, kind, cycle)

@@ -11,7 +11,7 @@ from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 
 
-class Kind(StrEnum):
+class MessageRole(StrEnum):
     """Part of a message on the bus."""
 
     INPUT = "input"
@@ -62,7 +62,7 @@ class MessageView:
     name: str
     frame_id: int
     is_extended: bool
-    kind: Kind
+    kind: MessageRole
     cycle_us: int | None
     accepted: int
     rejected: Mapping[str, int]

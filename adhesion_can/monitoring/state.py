@@ -5,7 +5,7 @@ as the service forms them.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from statistics import median
 
 import numpy as np
@@ -28,12 +28,12 @@ from adhesion_can.monitoring.setpoint_reader import QUALITY, SETPOINT, SetpointR
 from adhesion_can.monitoring.snapshot import (
     AxleView,
     DriveDirection,
-    Kind,
+    MessageRole,
     OperatingPoint,
     Snapshot,
 )
 from adhesion_can.physics.kinematics import slip_ratio
-from adhesion_can.physics.readings import Reading, Role, SpeedSource
+from adhesion_can.physics.readings import Role, SpeedSource
 from adhesion_can.physics.samples import Sample
 
 COLLECT_US = 20_000
@@ -74,6 +74,8 @@ class MonitorState:
         self._by_id = {key: one for key, one in self._by_id.items() if key not in inputs}
         self._frames = FrameKeeper(_known_messages(configuration), configuration.choices)
         self._missing = tuple(configuration.missing_for_identification())
+        choices = configuration.choices
+        self._axles = sorted({one.axle for one in choices if one.role is Role.WHEEL_SPEED})
         self._former = configuration.make_former()
         self._first_us: int | None = None
         self._now_us = 0
@@ -108,7 +110,9 @@ class MonitorState:
             rejection = outcome
         else:
             rejection = None
-            self._take_readings(outcome)
+            for reading in outcome:
+                self._values[reading.role, reading.axle] = reading.t_us, reading.value
+                self._former.add(reading)
         if frame.is_data:
             self._frames.add(self._key(frame), frame, rejection)
         if t_us >= self._collect_us:
@@ -125,7 +129,7 @@ class MonitorState:
             frame_rate=self._table.frame_rate(t_us),
             messages=self._table.views(t_us),
             latest=self._frames.latest(),
-            axles=tuple(self._axle(axle, t_us) for axle in self._axle_numbers()),
+            axles=tuple(self._axle(axle, t_us) for axle in self._axles),
             points=tuple(point for point in self._points if point.t_us > t_us - POINTS_US),
             last_sample_us=self._last_sample_us,
             only_direction=next(iter(self._directions)) if len(self._directions) == 1 else None,
@@ -136,10 +140,6 @@ class MonitorState:
             service=self._outputs.view(t_us),
             history=self._outputs.history,
         )
-
-    def _axle_numbers(self) -> list[int]:
-        choices = self._configuration.choices
-        return sorted({choice.axle for choice in choices if choice.role is Role.WHEEL_SPEED})
 
     def _key(self, frame: Frame) -> MessageKey:
         """Identifier of the frame's message in the database, whoever sends it by J1939."""
@@ -157,14 +157,9 @@ class MonitorState:
         values = one.read(frame)
         if isinstance(values, Rejection):
             return values
-        if one.kind is Kind.OUTPUT:
+        if one.kind is MessageRole.OUTPUT:
             self._outputs.add(one.message.plan.name, values, frame.t_us)
         return None
-
-    def _take_readings(self, readings: Iterable[Reading]) -> None:
-        for reading in readings:
-            self._values[reading.role, reading.axle] = reading.t_us, reading.value
-            self._former.add(reading)
 
     def _collect(self, t_us: int) -> None:
         for sample in self._former.collect(t_us).to_rows():
@@ -223,11 +218,14 @@ def _previous_step(recent: deque[Sample]) -> int | None:
 def _watched_messages(configuration: Configuration) -> dict[str, WatchedMessage]:
     """The service's messages and those of a bench's creep controller, by their names."""
     found: dict[str, WatchedMessage] = {}
-    for names, kind in ((OUTPUT_MESSAGES, Kind.OUTPUT), (DEMAND_MESSAGES, Kind.OTHER)):
+    for names, kind in (
+        (OUTPUT_MESSAGES, MessageRole.OUTPUT),
+        (DEMAND_MESSAGES, MessageRole.OTHER),
+    ):
         source = database_with(names, configuration.database)
         for name in names:
             message = CheckedMessage(source.message(name))
-            if kind is Kind.OUTPUT or not _is_taken(message, name, configuration.database):
+            if kind is MessageRole.OUTPUT or not _is_taken(message, name, configuration.database):
                 found[name] = WatchedMessage(message, kind)
     return found
 

@@ -24,7 +24,7 @@ from adhesion_can.offline.missing_samples import (
     unknown_cycles,
 )
 from adhesion_can.offline.plausibility import inspect_samples
-from adhesion_can.offline.recording_fit import Misfit, find_misfit
+from adhesion_can.offline.recording_fit import BusMisfit, find_misfit
 from adhesion_can.offline.scan import Scan, SignalRange, scan
 from adhesion_can.offline.vehicle_numbers import inspect_numbers
 from adhesion_can.offline.watch_samples import ObjectionSpan, watch_samples
@@ -89,7 +89,7 @@ class CheckResult:
     first_us: int = 0
     drive_signals: DriveSignals | None = None
     shows_peak: bool = False
-    misfit: Misfit | None = None
+    misfit: BusMisfit | None = None
 
     @property
     def times(self) -> TimeScale:

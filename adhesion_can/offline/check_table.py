@@ -14,7 +14,7 @@ from adhesion_can.offline.excitation import describe_excitation
 from adhesion_can.offline.plausibility import inspect_samples
 from adhesion_can.offline.points import LEAST_ROWS
 from adhesion_can.physics.samples import Samples
-from adhesion_can.recordings.tables.sample_table import Table
+from adhesion_can.recordings.tables.sample_table import SampleTable
 
 SLOW_ROWS_S = 3.0
 """Time between two rows, s, beyond which their times are more often ms or us."""
@@ -83,7 +83,9 @@ class TableCheck:
         }
 
 
-def check_table(name: str, table: Table, left_out: list[str], config: Configuration) -> TableCheck:
+def check_table(
+    name: str, table: SampleTable, left_out: list[str], config: Configuration
+) -> TableCheck:
     """Check a table.
 
     Args:
@@ -107,7 +109,7 @@ def check_table(name: str, table: Table, left_out: list[str], config: Configurat
     return result
 
 
-def _slow_rows(table: Table) -> Iterator[str]:
+def _slow_rows(table: SampleTable) -> Iterator[str]:
     """Rows so far apart that their times may be of another unit."""
     samples = table.samples
     if not table.timed or len(samples) < LEAST_ROWS:
@@ -122,7 +124,7 @@ def _slow_rows(table: Table) -> Iterator[str]:
         )
 
 
-def _columns(table: Table) -> list[ColumnRange]:
+def _columns(table: SampleTable) -> list[ColumnRange]:
     samples, ones = table.samples, np.ones(len(table.samples))
     known: Mapping[str, tuple[str, Array]] = {
         "time_s": ("time, s", samples.t_us / 1e6),
@@ -153,7 +155,7 @@ def _range(name: str, meaning: str, values: Array) -> ColumnRange:
 
 
 def _check_excitation(
-    result: TableCheck, table: Table, config: Configuration
+    result: TableCheck, table: SampleTable, config: Configuration
 ) -> BatchResult | None:
     """Batch fit of a table's samples, described in the result; None where none is usable."""
     samples: Samples = table.samples

@@ -45,7 +45,7 @@ FEWEST = 200
 """Smallest number of samples that give a misfit."""
 
 
-class Misfit(NamedTuple):
+class CurveMisfit(NamedTuple):
     """Deviation of the measured adhesion from the best-fitting curves.
 
     Attributes:
@@ -130,7 +130,7 @@ class MisfitCollector:
         if self._count >= CHUNK:
             self._remove_effects()
 
-    def compute(self) -> Misfit | None:
+    def compute(self) -> CurveMisfit | None:
         """Misfit of all samples; None where there are too few."""
         self._remove_effects()
         if self._size < FEWEST:
@@ -147,7 +147,7 @@ class MisfitCollector:
         used = np.concatenate(residuals)[steady]
         if len(used) < FEWEST:
             return None
-        return Misfit(float(np.sqrt(np.mean(used * used))), len(used), len(edges) + 1)
+        return CurveMisfit(float(np.sqrt(np.mean(used * used))), len(used), len(edges) + 1)
 
     def _remove_effects(self) -> None:
         """Remove the effects from the samples that wait, and keep what is left."""

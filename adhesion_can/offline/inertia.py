@@ -3,7 +3,7 @@
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.offline.points import Points
+from adhesion_can.offline.points import MeasuredPoints
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.vehicle import Locomotive
 
@@ -31,7 +31,7 @@ def inertial_adhesion(samples: Samples, vehicle: Locomotive) -> Array:
     return np.asarray(vehicle.wheelset_inertia * acceleration / radius / samples.load)
 
 
-def is_inertial(points: Points) -> bool:
+def is_inertial(points: MeasuredPoints) -> bool:
     """Whether the inertia and not the tractive effort makes the largest adhesions."""
     if points.inertial is None:
         return False

@@ -15,7 +15,7 @@ from adhesion_can.offline.consistency import (
 )
 from adhesion_can.offline.finding import Finding
 from adhesion_can.offline.inertia import inertial_adhesion, is_inertial
-from adhesion_can.offline.points import LEAST_ROWS, Points
+from adhesion_can.offline.points import LEAST_ROWS, MeasuredPoints
 from adhesion_can.offline.rim_speed import inspect_rim_speeds, known_ratio, slips_of_samples
 from adhesion_can.offline.signs import inspect_missing_sign, inspect_signs
 from adhesion_can.physics.samples import Samples
@@ -52,7 +52,7 @@ LEAST_REPEATED, LEAST_STUCK = 0.01, 50
 """Share of repeated stamps, and rows at one value, that are reported."""
 
 
-def inspect_points(points: Points) -> list[Finding]:
+def inspect_points(points: MeasuredPoints) -> list[Finding]:
     """What is odd about slip, adhesion, speed, load and stamps."""
     if len(points.slip) < LEAST_ROWS:
         return []
@@ -63,7 +63,7 @@ def inspect_points(points: Points) -> list[Finding]:
     return [one._replace(what=prefix + one.what) for one in (*standing, *_inspect_moving(points))]
 
 
-def _inspect_moving(points: Points) -> list[Finding]:
+def _inspect_moving(points: MeasuredPoints) -> list[Finding]:
     """What is odd about rows in which the wheel turns."""
     if len(points.slip) < LEAST_ROWS:
         return []
@@ -102,7 +102,7 @@ def inspect_samples(
         ]
         return [*inspect_rim_speeds(slips_of_samples(samples)), *of_axles]
     return inspect_points(
-        Points(
+        MeasuredPoints(
             samples.slip,
             samples.adhesion,
             samples.t_us if timed and len(axles) == 1 else None,
@@ -112,10 +112,10 @@ def inspect_samples(
     )
 
 
-def _points_of(samples: Samples, axle: int, vehicle: Locomotive | None) -> Points:
+def _points_of(samples: Samples, axle: int, vehicle: Locomotive | None) -> MeasuredPoints:
     """Rows of one axle of a recording."""
     own = samples.select(samples.axle == axle)
-    points = Points(
+    points = MeasuredPoints(
         own.slip, own.adhesion, own.t_us, own.speed, own.load, table=False, name=f"axle {axle}"
     )
     if vehicle is None:
@@ -134,7 +134,7 @@ def stands_still(slip: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(1.0 + slip) < STANDING_RATIO)
 
 
-def _standing(points: Points) -> Iterator[Finding]:
+def _standing(points: MeasuredPoints) -> Iterator[Finding]:
     """A wheel of a recording at rest while the vehicle moves, not only where a brake locks it."""
     at_rest = stands_still(points.slip)
     unbraked = at_rest & (points.adhesion > -ROLLING_ADHESION)
@@ -151,7 +151,7 @@ def _standing(points: Points) -> Iterator[Finding]:
     )
 
 
-def _slip_size(points: Points) -> Iterator[Finding]:
+def _slip_size(points: MeasuredPoints) -> Iterator[Finding]:
     size = float(np.quantile(np.abs(points.slip), 0.95))
     if size <= SLIP_LIMIT:
         if points.table and size > MOST_LINEAR:
@@ -169,7 +169,7 @@ def _slip_size(points: Points) -> Iterator[Finding]:
     yield Finding(what, fix, fatal=not spins)
 
 
-def _saturates(points: Points) -> bool:
+def _saturates(points: MeasuredPoints) -> bool:
     """Whether the adhesion is large where the slip is that of a contact that creeps: ratios."""
     low, high = CREEPING
     absolute = np.abs(points.slip)
@@ -180,7 +180,7 @@ def _saturates(points: Points) -> bool:
     return float(np.median(used[creeping])) > SATURATED * float(np.quantile(used, 0.95))
 
 
-def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
+def _slip_slope(points: MeasuredPoints, size: float) -> Iterator[Finding]:
     """Adhesion that rises in proportion to large slips, as no contact has it."""
     absolute = np.abs(points.slip)
     low, high = (_slope(points, rows) for rows in (absolute <= size / 3, absolute > size / 3))
@@ -193,13 +193,13 @@ def _slip_slope(points: Points, size: float) -> Iterator[Finding]:
         yield Finding(what, f"{percent}; a drifting car also reaches such slips")
 
 
-def _slope(points: Points, rows: NDArray[np.bool_]) -> float:
+def _slope(points: MeasuredPoints, rows: NDArray[np.bool_]) -> float:
     """Adhesion over slip by least squares through the origin."""
     square = float(points.slip[rows] @ points.slip[rows])
     return float(points.slip[rows] @ points.adhesion[rows]) / square if square > 0 else 0.0
 
 
-def _adhesion_size(points: Points) -> Iterator[Finding]:
+def _adhesion_size(points: MeasuredPoints) -> Iterator[Finding]:
     size = float(np.quantile(np.abs(points.adhesion), 0.99))
     by_force = points.load is not None
     if size > ADHESION_LIMIT:
@@ -247,7 +247,7 @@ def _load_units(size: float, load: float) -> str:
     return f"if the load is in {units[0]}, pass --column {name}={name},unit={units[0]}{others}"
 
 
-def _zero(points: Points) -> Iterator[Finding]:
+def _zero(points: MeasuredPoints) -> Iterator[Finding]:
     """Slip of a recording where there is no adhesion: there the rim runs as fast as the vehicle."""
     rolling = np.abs(points.adhesion) < ROLLING_ADHESION
     if points.table or int(rolling.sum()) < LEAST_ROWS or known_ratio(points.slip) is not None:
@@ -264,7 +264,7 @@ def _zero(points: Points) -> Iterator[Finding]:
     )
 
 
-def _load(points: Points) -> Iterator[Finding]:
+def _load(points: MeasuredPoints) -> Iterator[Finding]:
     if points.load is None:
         return
     middle = float(np.median(points.load))
@@ -277,7 +277,7 @@ def _load(points: Points) -> Iterator[Finding]:
         yield Finding(f"the load is about {middle:.3g} N", fix, fatal=False)
 
 
-def _speed(points: Points) -> Iterator[Finding]:
+def _speed(points: MeasuredPoints) -> Iterator[Finding]:
     if points.speed is None:
         return
     middle = float(np.median(points.speed))
@@ -289,7 +289,7 @@ def _speed(points: Points) -> Iterator[Finding]:
         yield Finding(what, fix, fatal=middle > TOO_FAST)
 
 
-def _motion(points: Points) -> Iterator[Finding]:
+def _motion(points: MeasuredPoints) -> Iterator[Finding]:
     if points.t_us is None or not points.table or np.any(np.diff(points.t_us) < 0):
         return
     derived: list[Finding] = []
@@ -303,7 +303,7 @@ def _motion(points: Points) -> Iterator[Finding]:
         yield from inspect_acceleration(points.t_us, points.speed, points.adhesion)
 
 
-def _stamps(points: Points) -> Iterator[Finding]:
+def _stamps(points: MeasuredPoints) -> Iterator[Finding]:
     if not points.table or points.t_us is None or len(points.t_us) < 2:
         return
     repeated = float(np.mean(np.diff(points.t_us) == 0))
@@ -314,7 +314,7 @@ def _stamps(points: Points) -> Iterator[Finding]:
         )
 
 
-def _stuck(points: Points) -> Iterator[Finding]:
+def _stuck(points: MeasuredPoints) -> Iterator[Finding]:
     for name, values, other in (
         ("slip", points.slip, points.adhesion),
         ("adhesion", points.adhesion, points.slip),

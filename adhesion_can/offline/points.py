@@ -12,7 +12,7 @@ LEAST_ROWS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class MeasuredPoints:
     """Rows of a table, or of one axle of a recording; shape (n,) each.
 
     Attributes:
@@ -39,7 +39,7 @@ class Points:
     inertial: Array | None = None
     inertia: float = 0.0
 
-    def select(self, rows: NDArray[np.bool_]) -> "Points":
+    def select(self, rows: NDArray[np.bool_]) -> "MeasuredPoints":
         """Some of the rows."""
         t_us = None if self.t_us is None else self.t_us[rows]
         speed = None if self.speed is None else self.speed[rows]

@@ -45,7 +45,7 @@ class SeenIds:
         return _listed([_id(key) for key in sorted(self.keys)])
 
 
-class Misfit(NamedTuple):
+class BusMisfit(NamedTuple):
     """What a recording lacks of the configured bus.
 
     Attributes:
@@ -68,7 +68,7 @@ def find_misfit(
     *,
     samples: int | None = None,
     needed: Collection[Role] = REQUIRED,
-) -> Misfit | None:
+) -> BusMisfit | None:
     """What a recording lacks of the configured bus; None where it does not lack anything needed.
 
     Args:
@@ -103,7 +103,7 @@ def find_misfit(
     bus = configuration.database.path.name
     head = f"the recording does not fit {bus}: " if of_other_bus else ""
     what = f"{head}{', '.join(parts)}; the recording has {seen.describe()}"
-    return Misfit(what, _fix(configuration, missing, of_other_bus=of_other_bus), of_other_bus)
+    return BusMisfit(what, _fix(configuration, missing, of_other_bus=of_other_bus), of_other_bus)
 
 
 def require_fit(

@@ -6,7 +6,7 @@ import numpy as np
 
 from adhesion_can.offline.consistency import MOST_LEFT, Shift, find_shift
 from adhesion_can.offline.finding import Finding
-from adhesion_can.offline.points import LEAST_ROWS, Points
+from adhesion_can.offline.points import LEAST_ROWS, MeasuredPoints
 from adhesion_can.offline.rim_speed import known_ratio
 
 CLEAR_SLIP, CLEAR_ADHESION = 0.002, 0.02
@@ -22,7 +22,7 @@ MOST_USED = 0.3
 """Middle slip beyond which a contact hardly transmits what the signs are compared by."""
 
 
-def inspect_signs(points: Points) -> Iterator[Finding]:
+def inspect_signs(points: MeasuredPoints) -> Iterator[Finding]:
     """Slip and force with opposite signs: one of them is reversed, or late by half a swing."""
     clear = (np.abs(points.slip) > CLEAR_SLIP) & (np.abs(points.adhesion) > CLEAR_ADHESION)
     count = int(clear.sum())
@@ -54,14 +54,14 @@ def inspect_signs(points: Points) -> Iterator[Finding]:
         yield Finding(what, f"{turn}; if one is late, {shift.fix}")
 
 
-def _shift(points: Points) -> Shift | None:
+def _shift(points: MeasuredPoints) -> Shift | None:
     """Shift of one axle's rows in time; None where they have no ascending stamps."""
     if points.t_us is None or np.any(np.diff(points.t_us) < 0):
         return None
     return find_shift(points.t_us, points.slip, points.adhesion)
 
 
-def inspect_missing_sign(points: Points) -> Iterator[Finding]:
+def inspect_missing_sign(points: MeasuredPoints) -> Iterator[Finding]:
     """A slip or a force that is never below 0 while the other is in many rows: no sign at all.
 
     Rows in which either is near 0 do not count: in friction braking no force is measured. Of a

@@ -1,12 +1,11 @@
 """A calibration as sentences, as a table and as JSON."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from math import inf
 
 from adhesion_can.calibration.agreement import differs
 from adhesion_can.calibration.coasting import SOFTEST_CONTACT, CalibrationSettings
-from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
-from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.calibration.fit import AxleRadius, CalibratedQuantity, Calibration
 from adhesion_can.result_text import plus_minus
 
 IMPLAUSIBLE = 0.1
@@ -67,17 +66,17 @@ def agreement_line(result: Calibration) -> str:
             "The radii agree with the configuration within their uncertainty: the largest change "
             f"is {_change(largest)} % at axle {largest.axle}."
         )
-    return line + (f" Not tested: {_axles(untested)}." if untested else "")
+    return line + (
+        f" Not tested: axle{'s' if len(untested) > 1 else ''} {', '.join(map(str, untested))}."
+        if untested
+        else ""
+    )
 
 
 def _change(axle: AxleRadius) -> str:
     """Change of a radius with its standard error, %."""
     std = axle.estimate.std if axle.estimate else inf
     return f"{100 * (axle.ratio - 1):+.3f} ± {100 * std / axle.configured:.3f}"
-
-
-def _axles(numbers: Sequence[int]) -> str:
-    return f"axle{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
 def _too_little(axle: AxleRadius, settings: CalibrationSettings) -> str:
@@ -135,12 +134,6 @@ def radius_rows(result: Calibration, rim: Collection[int]) -> list[tuple[str, ..
     ]
 
 
-def radius_table(result: Calibration, rim: Collection[int]) -> FittingTable:
-    """Table of the radii, a row per axle; `rim` has the axles with the speed of the rim."""
-    title = "Wheel radii, ± standard error"
-    return table(title, radius_columns(result), radius_rows(result, rim))
-
-
 def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]:
     """Lines with the offset and the delay of the vehicle speed."""
     delay = _quantity_text(result.delay, "s")
@@ -152,5 +145,5 @@ def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]
     ]
 
 
-def _quantity_text(found: Quantity | None, unit: str) -> str:
+def _quantity_text(found: CalibratedQuantity | None, unit: str) -> str:
     return "not identifiable" if found is None else f"{plus_minus(found.value, found.std)} {unit}"

@@ -16,13 +16,17 @@ from adhesion_can.reporting.charts import (
     GREY,
     ORANGE,
     Trace,
+    axis,
     insert_gaps,
     panel_layout,
     place,
     runs,
+    scatter,
     thinned,
+    whiskers,
 )
-from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
+from adhesion_can.reporting.time_panels import line, span_line
 from adhesion_can.result_text import TimeScale
 
 BEFORE, AFTER = ORANGE, BLUE
@@ -145,12 +149,12 @@ def page(
         title="Wheel radii and errors of the vehicle speed",
         lead=f"Calibration from coasting in {', '.join(drive.name for drive in plots.drives)}.",
         verdict=verdict,
-        sections=[
-            Section("Radii", [table, _radius_figure(result)]),
-            Section("Limits and notes", [Items(notes)]),
-            Section("Coasting", coasting or [Text("There is no vehicle speed to show.")]),
-            Section("Residual", left or [Text("No axle coasts.")]),
-        ],
+        sections={
+            "Radii": [table, _radius_figure(result)],
+            "Limits and notes": [Items(notes)],
+            "Coasting": coasting or [Text("There is no vehicle speed to show.")],
+            "Residual": left or [Text("No axle coasts.")],
+        },
         provenance=provenance,
         begin=_begin(plots.drives),
     )
@@ -179,13 +183,13 @@ def _radius_figure(result: Calibration) -> Figure:
     change = [100 * (axle.ratio - 1) for axle, _ in known]
     reach = [100 * (q.interval[1] - q.value) / axle.configured for axle, q in known]
     names = [f"axle {axle.axle}" for axle, _ in known]
-    bars = {"type": "data", "array": reach, "color": AFTER, "thickness": 1.6, "width": 5}
-    points = {"type": "scatter", "mode": "markers", "name": "radius found", "x": change, "y": names,
-              "error_x": bars, "marker": {"color": AFTER, "size": 9}}  # fmt: skip
+    bars = whiskers(reach, color=AFTER, thickness=1.6, width=5)
+    marker = {"color": AFTER, "size": 9}
+    points = scatter("markers", "radius found", change, names, error_x=bars, marker=marker)
     line = {"color": GREY, "width": 1.2, "dash": "dash"}
     ends = [-0.6, len(names) - 0.4]
     layout = {
-        "xaxis": {"title": {"text": "change from the configured radius, %"}},
+        "xaxis": axis("change from the configured radius, %"),
         "yaxis": {"type": "category", "range": ends[::-1]},
         "shapes": [{"type": "line", "xref": "x", "yref": "y domain", "x0": 0, "x1": 0, "y0": 0,
                     "y1": 1, "line": line}],
@@ -199,19 +203,12 @@ def _coasting_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
     times = TimeScale.beginning_at(int(drive.t_us[0]))
     t_s = (drive.t_us - times.zero_us) / 1e6
     x, y = thinned(*insert_gaps(t_s, 3.6 * drive.speed))
-    data: list[Trace] = [
-        {"type": "scatter", "mode": "lines", "name": "vehicle speed", "x": x, "y": y,
-         "line": {"color": BEFORE, "width": 1.5}} | place(0)
-    ]  # fmt: skip
+    data = [line("vehicle speed", x, y, {"color": BEFORE, "width": 1.5}) | place(0)]
     for axle, used in zip(axles, drive.used.T, strict=True):
-        name, spans = f"axle {axle}", runs(used)
-        xs = [v for first, end in spans for v in (t_s[first], t_s[end - 1], None)]
-        ys = [v for _ in spans for v in (name, name, None)]
-        data.append({"type": "scatter", "mode": "lines", "name": name, "showlegend": False,
-                     "x": xs or [None], "y": ys or [name],
-                     "line": {"color": AFTER, "width": 8}} | place(1))  # fmt: skip
+        style = {"color": AFTER, "width": 8}
+        data.append(span_line(f"axle {axle}", runs(used), t_s, t_s, style) | place(1))
     axes: list[Trace] = [
-        {"title": {"text": "speed<br>km/h"}, "rangemode": "tozero"},
+        axis("speed<br>km/h", rangemode="tozero"),
         {"type": "category", "range": [len(axles) - 0.4, -0.6]},
     ]
     height = 280 + 24 * len(axles)
@@ -238,14 +235,12 @@ def _residual_figure(axles: Sequence[int], drive: DrivePlot) -> Figure:
             mean = np.bincount(second[rows], column[rows])[some] / count[some]
             xs.append(begin_s + (np.flatnonzero(some) + 0.5) * BLOCK_S)
             ys.append(mean)
-        data.append(
-            {"type": "scatter", "mode": "markers", "name": name, "x": np.concatenate(xs),
-             "y": np.concatenate(ys),
-             "marker": {"color": colour, "size": 5, "opacity": 0.6, "symbol": symbol}}
-        )  # fmt: skip
+        marker = {"color": colour, "size": 5, "opacity": 0.6, "symbol": symbol}
+        x, y = np.concatenate(xs), np.concatenate(ys)
+        data.append(scatter("markers", name, x, y, marker=marker))
     layout = {
-        "xaxis": {"title": {"text": "time, s"}},
-        "yaxis": {"title": {"text": "v − r·ω, m/s"}, "zeroline": True, "zerolinecolor": GREY},
+        "xaxis": axis("time, s"),
+        "yaxis": axis("v − r·ω, m/s", zeroline=True, zerolinecolor=GREY),
     }
     caption = (
         f"{drive.name}: vehicle speed minus rolling speed of the {len(axles)} axles while they "

@@ -27,6 +27,30 @@ GREEN, RED = "#2e8b57", "#b03a5b"
 """Colours of the figures of all pages, which stand out from light paper by 3 : 1."""
 
 
+def scatter(mode: str, name: str, x: Any, y: Any, **rest: Any) -> Trace:
+    """Trace of lines, of markers or of both."""
+    return {"type": "scatter", "mode": mode, "name": name, "x": x, "y": y, **rest}
+
+
+def whiskers(length: Any, below: Any = None, **style: Any) -> Trace:
+    """Error bars.
+
+    Args:
+        length: Lengths, and where `below` is given lengths of the upper halves.
+        below: Lengths of the lower halves; None: both halves are alike.
+        style: Colour, thickness and width.
+
+    """
+    if below is None:
+        return {"type": "data", "array": length, **style}
+    return {"type": "data", "symmetric": False, "array": length, "arrayminus": below, **style}
+
+
+def axis(title: str, **rest: Any) -> Trace:
+    """Axis with a title."""
+    return {"title": {"text": title}, **rest}
+
+
 def suffix(row: int) -> str:
     """Suffix of the names of a panel's axes in Plotly; the first panel is row 0."""
     return "" if row == 0 else str(row + 1)
@@ -101,7 +125,7 @@ def panel_layout(
         layout[f"yaxis{own}"] = {**y, "domain": domain}
         x = {"anchor": f"y{own}", "showticklabels": last}
         x |= {"matches": "x"} if row else {}
-        layout[f"xaxis{own}"] = x | ({"title": {"text": title}} if last else {})
+        layout[f"xaxis{own}"] = x | (axis(title) if last else {})
     return layout
 
 

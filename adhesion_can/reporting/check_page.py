@@ -10,11 +10,21 @@ from adhesion_can.offline.check_table import TableCheck
 from adhesion_can.offline.compare_noise import ComparedNoise
 from adhesion_can.offline.fault_history import FaultHistory
 from adhesion_can.physics.samples import Samples
-from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, RED, Trace, panel_layout, place
+from adhesion_can.reporting.charts import (
+    BLUE,
+    GREY,
+    ORANGE,
+    RED,
+    Trace,
+    axis,
+    panel_layout,
+    place,
+    scatter,
+)
 from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, WRONG, Checked, verdict
 from adhesion_can.reporting.data_quality import quality_parts
 from adhesion_can.reporting.drive.signal_panels import SignalPanels, signal_panels
-from adhesion_can.reporting.page import Figure, Items, Page, Part, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Part, Table, Text
 from adhesion_can.reporting.time_panels import Panel, panels_figure
 from adhesion_can.reporting.time_panels import line as trace_line
 from adhesion_can.result_text import TimeScale
@@ -72,14 +82,7 @@ def noise_row(compared: ComparedNoise) -> tuple[str, ...]:
 def recording_page(
     result: CheckResult, config: Configuration, provenance: Mapping[str, str]
 ) -> Page:
-    """Build the page of the check of recordings.
-
-    Args:
-        result: Result of the check.
-        config: Configuration of the check.
-        provenance: Version, hashes and command by name.
-
-    """
+    """Build the page of the check of recordings."""
     counts = {
         "frames": result.frames,
         "frames with other ids": result.unknown,
@@ -107,13 +110,7 @@ def recording_page(
 
 
 def table_page(results: Sequence[TableCheck], provenance: Mapping[str, str]) -> Page:
-    """Build the page of the check of tables of samples.
-
-    Args:
-        results: Results of the check, one a table.
-        provenance: Version, hashes and command by name.
-
-    """
+    """Build the page of the check of tables of samples."""
     sections: dict[str, list[Part]] = _findings(results)
     for result in results:
         parts: list[Part] = [
@@ -142,7 +139,7 @@ def _page(
         title=title,
         lead=lead,
         verdict=[f"{said[0].upper()}{said[1:]}{':' if failures else '.'}", *failures],
-        sections=[Section(name, parts) for name, parts in sections.items()],
+        sections=sections,
         provenance=provenance,
         begin=begin,
     )
@@ -208,16 +205,16 @@ def _excitation(samples: Samples) -> list[Part]:
     bars = {"type": "bar", "name": "samples", "x": (edges[1:] + edges[:-1]) / 2, "y": counts,
             "marker": {"color": BLUE}}  # fmt: skip
     thin = slice(None, None, -(-len(slip) // MOST_POINTS))
-    points = {"type": "scatter", "mode": "markers", "name": "adhesion", "x": slip[thin],
-              "y": adhesion[thin], "hoverinfo": "skip",
-              "marker": {"color": GREY, "size": 3, "opacity": 0.45}}  # fmt: skip
+    marker = {"color": GREY, "size": 3, "opacity": 0.45}
+    points = scatter(
+        "markers", "adhesion", slip[thin], adhesion[thin], hoverinfo="skip", marker=marker
+    )
     tall = np.quantile(adhesion, (0.001, 0.999))
     space = max(0.08 * float(tall[1] - tall[0]), 1e-3)
-    axes: list[Trace] = [
-        {"title": {"text": "samples"}, "rangemode": "tozero"},
-        {"title": {"text": "adhesion μ"},
-         "range": [float(tall[0]) - space, float(tall[1]) + space]},
-    ]  # fmt: skip
+    axes = [
+        axis("samples", rangemode="tozero"),
+        axis("adhesion μ", range=[float(tall[0]) - space, float(tall[1]) + space]),
+    ]
     layout = panel_layout(axes, "slip ratio λ", 460, (1.0, 1.6)) | {"bargap": 0.05}
     for name in ("xaxis", "xaxis2"):
         layout[name]["range"] = [float(edges[0]), float(edges[-1])]

@@ -11,7 +11,7 @@ Checked = CheckResult | TableCheck
 """Result of the check of a recording or of a table."""
 
 
-class Kind(NamedTuple):
+class SentenceKind(NamedTuple):
     """Kind of sentences of a check.
 
     Attributes:
@@ -30,12 +30,12 @@ class Kind(NamedTuple):
         return group_axles([line for result in results for line in getattr(result, self.field)])
 
 
-WRONG = Kind("WRONG", "failures", "a fault that fails the check")
+WRONG = SentenceKind("WRONG", "failures", "a fault that fails the check")
 KINDS = (
     WRONG,
-    Kind("WARNING", "warnings", "odd, or a setting to correct; the check passes"),
-    Kind("NOT KNOWABLE", "limits", "cannot be estimated from these data"),
-    Kind("FOUND", "findings", "what the data show"),
+    SentenceKind("WARNING", "warnings", "odd, or a setting to correct; the check passes"),
+    SentenceKind("NOT KNOWABLE", "limits", "cannot be estimated from these data"),
+    SentenceKind("FOUND", "findings", "what the data show"),
 )
 """Kinds of sentences, in the order in which they are shown."""
 NOISE_NOTE = (

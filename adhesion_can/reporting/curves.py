@@ -8,7 +8,7 @@ from adhesion_can.estimation.curve_fit import FittedCurve
 from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
 from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
 from adhesion_can.physics.curves import FAMILIES
-from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.reporting.text import FittingTable
 from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale, plus_minus
 
 SCORE_NOTE = (
@@ -103,7 +103,7 @@ def _render_comparison(
         return [f"Curve families{where}: fewer than {LEAST_SAMPLES} samples, none compared."]
     rows = [row[:-1] for row in comparison.rows()]
     title = f"Curve families{where}, {comparison.samples} samples"
-    parts: list[FittingTable | str] = [table(title, COLUMNS[:-1], rows)]
+    parts: list[FittingTable | str] = [FittingTable(title, COLUMNS[:-1], rows)]
     parts += [
         f"{scored.fit.family.name}: {_parameters(scored.fit)}" for scored in comparison.families
     ]

@@ -16,13 +16,7 @@ MOST_DRIVES = 4
 
 
 def recording_times(found: Diagnosis, recording: str) -> TimeScale:
-    """Scale of the times of a recording; 0 on its own clock where its first reading is not known.
-
-    Args:
-        found: Result of the diagnosis.
-        recording: Name of the recording.
-
-    """
+    """Scale of the times of a recording; from 0 on its clock where no first reading is known."""
     return TimeScale.beginning_at(found.begins.get(recording, 0))
 
 

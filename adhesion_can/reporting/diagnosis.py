@@ -18,7 +18,8 @@ from adhesion_can.diagnosis.formatting import (
     sizes,
     three_digits,
 )
-from adhesion_can.diagnosis.result import Diagnosis, Gain, Verdict
+from adhesion_can.diagnosis.gain_result import Gain
+from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.diagnosis.sentences import unexplained_clause
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
@@ -40,7 +41,7 @@ from adhesion_can.reporting.evidence import (
     evidence_title,
     untested_outcome,
 )
-from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.reporting.text import FittingTable
 
 ABOUT_AS_GOOD = 0.05
 """Share by which a family's held-out score may exceed the best one's to count as about as good."""
@@ -300,13 +301,13 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     named = {value for cause in found.causes for value in cause_rows([cause])}
     if named:
         columns = ("effect", "parameter", "value", "meaning")
-        yield table("Causes, ± standard deviation", columns, cause_rows(found.causes))
+        yield FittingTable("Causes, ± standard deviation", columns, cause_rows(found.causes))
     if found.wrong:
         yield "What the simulation gets wrong:"
         yield from (f"- {sentence}" for sentence in found.wrong)
     yield from _refutations(found)
     if found.families:
-        yield table(FAMILY_TITLE, FAMILY_COLUMNS, family_rows(found.families))
+        yield FittingTable(FAMILY_TITLE, FAMILY_COLUMNS, family_rows(found.families))
         if is_shape_named(found):
             yield SHAPE_NOTE
     yield from _next_steps(found)
@@ -314,7 +315,7 @@ def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
     if rows:
         few = f"the first {SHOWN} of " if rows[SHOWN:] else ""
         title_ = f"Evidence: {few}{evidence_title(found.evidence)}"
-        yield table(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
+        yield FittingTable(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
         yield EVIDENCE_NOTE
         yield decision_note([one for one in found.evidence if one.is_tested][:SHOWN])
     # What was tested says more than what could not be.
@@ -331,7 +332,7 @@ def _refutations(found: Diagnosis) -> Iterator[str | FittingTable]:
     if widest:
         rows = environment_rows(widest)
         title_ = "Sizes by environment: the partition in which they differ most"
-        yield table(title_, ENVIRONMENT_COLUMNS, rows)
+        yield FittingTable(title_, ENVIRONMENT_COLUMNS, rows)
 
 
 def needed_sentence(found: Diagnosis) -> str:
@@ -339,7 +340,7 @@ def needed_sentence(found: Diagnosis) -> str:
     planned = found.next_drive
     if not found.needed or (planned is not None and planned.plan is not None):
         return ""
-    can_plan = found.prediction is None and planned is None
+    can_plan = not found.tables and planned is None
     return f"Needed{', by the plan of --next-drive or by hand' if can_plan else ''}: {found.needed}"
 
 

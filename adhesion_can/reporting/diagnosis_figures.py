@@ -8,13 +8,14 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.evidence import Decision, ModelScore
 from adhesion_can.diagnosis.formatting import short, three_digits, unit_text
+from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.plot_result import (
     CurveData,
     PredictionPlot,
     Profile,
     SimulationPlot,
 )
-from adhesion_can.diagnosis.result import FamilyResult, Gain, SegmentResult
+from adhesion_can.diagnosis.result import FamilyResult, SegmentResult
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.estimate import Estimate
@@ -25,15 +26,18 @@ from adhesion_can.reporting.charts import (
     GREY,
     ORANGE,
     Trace,
+    axis,
     insert_gaps,
     panel_layout,
     place,
+    scatter,
     suffix,
     thinned,
+    whiskers,
 )
 from adhesion_can.reporting.evidence import DECISIONS
 from adhesion_can.reporting.page import Figure
-from adhesion_can.reporting.time_panels import Panel, panels_figure
+from adhesion_can.reporting.time_panels import Panel, line, panels_figure
 from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale
 
 BEFORE, AFTER, MEASURED = ORANGE, BLUE, GREY
@@ -54,30 +58,13 @@ def gain_figure(gain: Gain, *, extended: bool) -> Figure:
     known = np.isfinite([best, worst]).all()
     more, less = max(worst - gain.rmse_after, 0.0), max(gain.rmse_after - best, 0.0)
     ends = (more, less) if known else (None, None)
-    data = [
-        {
-            "type": "bar",
-            "orientation": "h",
-            "y": names,
-            "x": values,
-            "marker": {"color": [BEFORE, AFTER, MEASURED]},
-            "text": [three_digits(value) for value in values],
-            "textposition": "inside",
-            "insidetextanchor": "start",
-            "hoverinfo": "x+y",
-            "error_x": {
-                "type": "data",
-                "symmetric": False,
-                "array": [None, ends[0], None],
-                "arrayminus": [None, ends[1], None],
-                "color": DARK,
-                "thickness": 1.4,
-                "width": 5,
-            },
-        }
-    ]
+    bars = _bars(
+        names, values, [three_digits(value) for value in values], [BEFORE, AFTER, MEASURED]
+    )
+    above, below = ([None, end, None] for end in ends)
+    bars["error_x"] = whiskers(above, below, color=DARK, thickness=1.4, width=5)
     layout = {
-        "xaxis": {"title": {"text": "RMSE of the adhesion"}, "rangemode": "tozero"},
+        "xaxis": axis("RMSE of the adhesion", rangemode="tozero"),
         "yaxis": {"type": "category", "autorange": "reversed"},
         "bargap": 0.35,
     }
@@ -87,7 +74,7 @@ def gain_figure(gain: Gain, *, extended: bool) -> Figure:
         "with the named effects and a spline in every channel. It can be larger than that of a "
         "model on the held-out data."
     )
-    return Figure(caption, data, layout, 210)
+    return Figure(caption, [bars], layout, 210)
 
 
 def model_figure(models: Sequence[ModelScore]) -> Figure:
@@ -101,21 +88,9 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
         for one in models
     ]
     scores = [one.held_out_rmse for one in models]
-    data = [
-        {
-            "type": "bar",
-            "orientation": "h",
-            "y": names,
-            "x": scores,
-            "marker": {"color": colours},
-            "text": [f"{score:.3f}" for score in scores],
-            "textposition": "inside",
-            "insidetextanchor": "start",
-            "hoverinfo": "x+y",
-        }
-    ]
+    bars = _bars(names, scores, [f"{score:.3f}" for score in scores], colours)
     layout = {
-        "xaxis": {"title": {"text": HELD_OUT_RMSE}, "rangemode": "tozero"},
+        "xaxis": axis(HELD_OUT_RMSE, rangemode="tozero"),
         "yaxis": {"type": "category", "autorange": "reversed", "automargin": True},
         "bargap": 0.3,
     }
@@ -124,36 +99,21 @@ def model_figure(models: Sequence[ModelScore]) -> Figure:
         "each block predicted from the other blocks, in standard deviations σ of the noise. "
         "Smaller is better; a paired test over the blocks shows whether another model is worse."
     )
-    return Figure(caption, data, layout, 90 + 30 * len(models), "models")
+    return Figure(caption, [bars], layout, 90 + 30 * len(models), "models")
 
 
-def simulation_figure(
-    simulation_plot: SimulationPlot, times: TimeScale, *, extended: bool
-) -> Figure:
+def simulation_figure(plot: SimulationPlot, times: TimeScale, *, extended: bool) -> Figure:
     """Wheel speed and adhesion of one axle: measured, before and, where extended, after."""
-    t = simulation_plot.time_s - times.zero_us / 1e6
+    t = plot.time_s - times.zero_us / 1e6
     panels = []
-    measured, before, after = (
-        simulation_plot.wheel_speed,
-        simulation_plot.simulated_before,
-        simulation_plot.simulated_after,
-    )
+    measured, before, after = plot.wheel_speed, plot.simulated_before, plot.simulated_after
+    error = "simulated minus measured wheel speed, rad/s"
     plotted = (
-        ("wheel speed, rad/s", (measured, before, after)),
-        (
-            "simulated minus measured wheel speed, rad/s",
-            (None, before - measured, after - measured),
-        ),
-        (
-            "adhesion coefficient μ",
-            (
-                simulation_plot.adhesion,
-                simulation_plot.predicted_before,
-                simulation_plot.predicted_after,
-            ),
-        ),
+        ("wheel speed, rad/s", measured, before, after),
+        (error, None, before - measured, after - measured),
+        ("adhesion coefficient μ", plot.adhesion, plot.predicted_before, plot.predicted_after),
     )
-    for row, (title, (seen, was, now)) in enumerate(plotted):
+    for row, (title, seen, was, now) in enumerate(plotted):
         shown = [(_MEASURED, seen)] if seen is not None else []
         shown += [(_BEFORE, was), (_AFTER, now)] if extended else [(_BEFORE, was)]
         styles, lines = [style for style, _ in shown], [line for _, line in shown]
@@ -161,9 +121,9 @@ def simulation_figure(
         traces = [_line(style, x, y, legend=row == 0) for style, y in zip(styles, ys, strict=True)]
         panels.append(Panel(title, traces, {}, 150.0))
     caption = (
-        f"{simulation_plot.recording}, axle {simulation_plot.axle}, measured and simulated. "
+        f"{plot.recording}, axle {plot.axle}, measured and simulated. "
         "Wheel speed is simulated from the measured effort and vehicle speed, restarted every "
-        f"{simulation_plot.restart_s:g} s; adhesion is predicted from the measured slip."
+        f"{plot.restart_s:g} s; adhesion is predicted from the measured slip."
     )
     return panels_figure(caption, panels, "time, s", "measured-and-simulated")
 
@@ -178,13 +138,14 @@ def prediction_figure(prediction: PredictionPlot, *, extended: bool) -> Figure:
     for row, (style, predicted) in enumerate(shown):
         error = float(np.sqrt(np.nanmean((measured - predicted) ** 2)))
         marker = {"color": style["line"]["color"], "size": 4, "opacity": 0.5}
-        points = {"type": "scatter", "mode": "markers", "x": measured, "y": predicted}
         name = f"{style['name']}, RMSE {short(error)}"
-        data.append(points | {"name": name, "marker": marker, "hoverinfo": "skip"} | place(row))
-        line = {"color": DARK, "width": 1.2, "dash": "dash"}
-        ideal = {"type": "scatter", "mode": "lines", "name": "predicted = measured", "line": line}
-        data.append(ideal | {"x": ends, "y": ends, "showlegend": row == 0} | place(row))
-        axes.append({"title": {"text": f"predicted μ, {style['name']}"}, "range": ends})
+        points = scatter("markers", name, measured, predicted, marker=marker, hoverinfo="skip")
+        dashed = {"color": DARK, "width": 1.2, "dash": "dash"}
+        ideal = scatter(
+            "lines", "predicted = measured", ends, ends, line=dashed, showlegend=row == 0
+        )
+        data += [points | place(row), ideal | place(row)]
+        axes.append(axis(f"predicted μ, {style['name']}", range=ends))
     height = 90 + 260 * len(shown)
     layout = panel_layout(axes, "measured adhesion coefficient μ", height)
     for row in range(len(shown)):
@@ -205,43 +166,17 @@ def profile_figure(profile: Profile) -> Figure:
         (_AFTER, profile.after, profile.after_std),
     ):
         colour = style["line"]["color"]
-        data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": style["name"],
-                "x": profile.at,
-                "y": mean,
-                "marker": {"color": colour, "size": 8},
-                "error_y": {
-                    "type": "data",
-                    "array": _known(std),
-                    "color": colour,
-                    "thickness": 1.3,
-                    "width": 3,
-                },
-            }
-        )
-    fitted = {"color": DARK, "width": 1.6, "dash": "dash"}
-    data.append(
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "name": "change by the extended model",
-            "x": profile.at,
-            "y": profile.fitted,
-            "line": fitted,
-        }
-    )
+        marker = {"color": colour, "size": 8}
+        bars = whiskers(_known(std), color=colour, thickness=1.3, width=3)
+        points = scatter("markers", style["name"], profile.at, mean, marker=marker, error_y=bars)
+        data.append(points)
+    dashed = {"color": DARK, "width": 1.6, "dash": "dash"}
+    data.append(line("change by the extended model", profile.at, profile.fitted, dashed))
     unit = unit_text(profile.unit)
     name = channel_label(profile.channel)
     layout = {
-        "xaxis": {"title": {"text": f"{name}, {unit}" if unit else name}},
-        "yaxis": {
-            "title": {"text": "mean residual of μ"},
-            "zeroline": True,
-            "zerolinecolor": MEASURED,
-        },
+        "xaxis": axis(f"{name}, {unit}" if unit else name),
+        "yaxis": axis("mean residual of μ", zeroline=True, zerolinecolor=MEASURED),
     }
     caption = (
         f"Measured minus predicted adhesion over {name} in all data, averaged in bins, with "
@@ -256,15 +191,9 @@ def _cloud(slip: Array, mu: Array) -> Trace:
     """The data as points, of which few are drawn larger."""
     every = max(-(-len(slip) // MOST_POINTS), 1)
     few = len(slip) < FEW_POINTS
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": "data",
-        "x": slip[::every],
-        "y": mu[::every],
-        "marker": {"color": MEASURED, "size": 5 if few else 3, "opacity": 0.8 if few else 0.4},
-        "hoverinfo": "skip",
-    }
+    marker = {"color": MEASURED, "size": 5 if few else 3, "opacity": 0.8 if few else 0.4}
+    x, y = slip[::every], mu[::every]
+    return scatter("markers", "data", x, y, marker=marker, hoverinfo="skip")
 
 
 def curve_figure(
@@ -283,12 +212,12 @@ def curve_figure(
         x, y = grid, adhesion(grid, *estimate.theta)
         if row and curves.shape is not None:
             x, y = curves.shape
-        line = _line(style, x, y, legend=True)
-        line["line"] = {**style["line"], "width": 2.4}
-        data += [trace | place(row) for trace in (cloud, line, *_peak(estimate, style))]
+        curve = _line(style, x, y, legend=True)
+        curve["line"] = {**style["line"], "width": 2.4}
+        data += [trace | place(row) for trace in (cloud, curve, *_peak(estimate, style))]
     span = _y_span([mu for _, _, _, mu in clouds])
     axes = [
-        {"title": {"text": f"μ, {which}"}, "range": span}
+        axis(f"μ, {which}", range=span)
         for which in ("as measured", "effects removed")[: len(clouds)]
     ]
     height = 70 + 275 * len(clouds)
@@ -317,8 +246,8 @@ def family_figure(families: Sequence[FamilyResult], curves: CurveData) -> Figure
             style["line"]["dash"] = "dash"
         data.append(_line(style, family.slip, family.adhesion, legend=True))
     layout = {
-        "xaxis": {"title": {"text": "slip ratio λ"}, "rangemode": "tozero"},
-        "yaxis": {"title": {"text": "adhesion coefficient μ"}, "range": _y_span([curves.adhesion])},
+        "xaxis": axis("slip ratio λ", rangemode="tozero"),
+        "yaxis": axis("adhesion coefficient μ", range=_y_span([curves.adhesion])),
     }
     caption = (
         "Curve families side by side, each fitted alone, at the mean speed and load of the longest "
@@ -332,19 +261,21 @@ def _peak(estimate: Estimate, style: Trace) -> list[Trace]:
     if not estimate.identifiable.both:
         return []
     colour = style["line"]["color"]
-    bars = {"type": "data", "color": DARK, "thickness": 1.4, "width": 4}
+
+    def bars(std: float | None) -> Trace:
+        return whiskers(_known(np.array([std])), color=DARK, thickness=1.4, width=4)
+
     return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": f"peak, {style['name']}",
-            "showlegend": False,
-            "x": [estimate.lambda_m],
-            "y": [estimate.mu_max],
-            "error_x": {**bars, "array": _known(np.array([estimate.lambda_m_std]))},
-            "error_y": {**bars, "array": _known(np.array([estimate.mu_max_std]))},
-            "marker": {"color": colour, "size": 10, "symbol": "diamond"},
-        }
+        scatter(
+            "markers",
+            f"peak, {style['name']}",
+            [estimate.lambda_m],
+            [estimate.mu_max],
+            showlegend=False,
+            error_x=bars(estimate.lambda_m_std),
+            error_y=bars(estimate.mu_max_std),
+            marker={"color": colour, "size": 10, "symbol": "diamond"},
+        )
     ]
 
 
@@ -362,6 +293,13 @@ _AFTER = _style(EXTENDED, AFTER, 1.2)
 
 def _line(style: Mapping[str, Any], x: Array, y: Array, *, legend: bool) -> Trace:
     return {"type": "scatter", "mode": "lines", **style, "x": x, "y": y, "showlegend": legend}
+
+
+def _bars(names: Sequence[str], sizes: Sequence[float], texts: Any, colours: Any) -> Trace:
+    """Horizontal bars with their sizes as text inside."""
+    return {"type": "bar", "orientation": "h", "y": names, "x": sizes, "marker": {"color": colours},
+            "text": texts, "textposition": "inside", "insidetextanchor": "start",
+            "hoverinfo": "x+y"}  # fmt: skip
 
 
 def _known(std: Array) -> Array:

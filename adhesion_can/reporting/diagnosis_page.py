@@ -44,7 +44,7 @@ from adhesion_can.reporting.evidence import (
     untested_outcome,
 )
 from adhesion_can.reporting.model_parts import model_parts
-from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
+from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
 from adhesion_can.result_text import HELD_OUT_RMSE, plus_minus
 
 Parts = list[Text | Items | Table | Figure]
@@ -67,7 +67,11 @@ def page(
     """
     sections: dict[str, Sequence[Text | Items | Table | Figure]] = {
         "What the simulation gets wrong": _wrong(found),
-        "Refuted explanations that help": _closest(found),
+        "Refuted explanations that help": [
+            Items(closest_sentences(found))
+            if found.closest
+            else Text("No helpful explanation was refuted.")
+        ],
         "One size everywhere?": _environments(found),
         "Gain": _gain(found),
         "Measured and simulated": _simulation_plots(found),
@@ -76,7 +80,7 @@ def page(
         "Curve and data": _curve(found),
         "Evidence for every effect": _evidence(found),
         "Channels": _channels(found),
-        "What would distinguish the rivals": _needed(found),
+        "What would distinguish the rivals": [*_rivals(found), *_drives_that_tell(found)],
         "Not tested or rejected": _untested(found),
         "Extended model": _model(found),
         "Inputs": _inputs(found, problems),
@@ -85,7 +89,7 @@ def page(
         title="What the simulation gets wrong, and why",
         lead=_lead(found),
         verdict=verdict_sentences(found),
-        sections=[Section(name, parts) for name, parts in sections.items()],
+        sections=sections,
         provenance=provenance,
         next_step=found.next_step,
         begin=_begin(found),
@@ -130,12 +134,6 @@ def _wrong(found: Diagnosis) -> Parts:
     return parts
 
 
-def _closest(found: Diagnosis) -> Parts:
-    if not found.closest:
-        return [Text("No helpful explanation was refuted.")]
-    return [Items(closest_sentences(found))]
-
-
 def _environments(found: Diagnosis) -> Parts:
     if not found.environments:
         return [
@@ -173,13 +171,14 @@ def _gain(found: Diagnosis) -> Parts:
 
 
 def _simulation_plots(found: Diagnosis) -> Parts:
-    if found.prediction is not None:
-        return [prediction_figure(found.prediction, extended=has_extension(found))]
-    if not found.simulation_plots:
+    prediction = found.plots.prediction
+    if prediction is not None:
+        return [prediction_figure(prediction, extended=has_extension(found))]
+    if not found.plots.simulations:
         return [Text("There is no span to show.")]
     return [
         simulation_figure(one, recording_times(found, one.recording), extended=has_extension(found))
-        for one in found.simulation_plots
+        for one in found.plots.simulations
     ]
 
 
@@ -191,12 +190,12 @@ def _profile(found: Diagnosis) -> Parts:
 
 def _curve(found: Diagnosis) -> Parts:
     parts: Parts = []
-    longest = found.longest_segment
-    if longest is not None and found.curves is not None:
+    longest, curves = found.longest_segment, found.curves
+    if longest is not None and curves is not None:
         times, extended = recording_times(found, longest.recording), has_extension(found)
-        parts.append(curve_figure(longest, times, found.curves, extended=extended))
-    if found.families and found.curves is not None:
-        parts += [family_figure(found.families, found.curves), _family_table(found)]
+        parts.append(curve_figure(longest, times, curves, extended=extended))
+    if found.families and curves is not None:
+        parts += [family_figure(found.families, curves), _family_table(found)]
     if found.surfaces:
         parts.append(_surface_table(found, extended=has_extension(found)))
     return parts or [Text("No curve could be fitted.")]
@@ -267,10 +266,6 @@ def _channels(found: Diagnosis) -> Parts:
     )
     caption = "Residual on the deciding data by channel, with the named effects in the model."
     return [Table(caption, CHANNEL_COLUMNS, channel_rows(found.channels), note)]
-
-
-def _needed(found: Diagnosis) -> Parts:
-    return [*_rivals(found), *_drives_that_tell(found)]
 
 
 def _drives_that_tell(found: Diagnosis) -> Parts:

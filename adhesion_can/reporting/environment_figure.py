@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from adhesion_can.diagnosis.cause_result import EnvironmentSizes
 from adhesion_can.diagnosis.formatting import axis_scale, value_and_unit
 from adhesion_can.normal_quantiles import NORMAL_95
-from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace
+from adhesion_can.reporting.charts import BLUE, DARK, ORANGE, Trace, axis, scatter, whiskers
 from adhesion_can.reporting.page import Figure
 
 ROW_HEIGHT, MARGINS_HEIGHT = 19, 110
@@ -33,7 +33,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
     ]
     names = [level.level for one in drawn for level in one.levels]
     layout = {
-        "xaxis": {"title": {"text": f"{parameter}, {text or 'no unit'}"}},
+        "xaxis": axis(f"{parameter}, {text or 'no unit'}"),
         "yaxis": {
             "type": "category",
             "autorange": "reversed",
@@ -64,26 +64,14 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
 
 
 def _points(environments: Sequence[EnvironmentSizes], factor: float, *, refutes: bool) -> Trace:
-    """Points with whiskers of some partitions, in one colour.
-
-    Args:
-        environments: Sizes by environment.
-        factor: Factor of the numbers on the axis.
-        refutes: Whether the sizes differ.
-
-    """
+    """Points with whiskers of some partitions, in one colour."""
     levels = [level for one in environments for level in one.levels]
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": "sizes that differ" if refutes else "sizes that agree",
-        "x": [factor * level.value for level in levels],
-        "y": [level.level for level in levels],
-        "error_x": {
-            "type": "data",
-            "array": [factor * NORMAL_95 * level.std for level in levels],
-            "thickness": 1.2,
-            "width": 3,
-        },
-        "marker": {"color": ORANGE if refutes else BLUE, "size": 6},
-    }
+    half = [factor * NORMAL_95 * level.std for level in levels]
+    return scatter(
+        "markers",
+        "sizes that differ" if refutes else "sizes that agree",
+        [factor * level.value for level in levels],
+        [level.level for level in levels],
+        error_x=whiskers(half, thickness=1.2, width=3),
+        marker={"color": ORANGE if refutes else BLUE, "size": 6},
+    )

@@ -5,11 +5,11 @@ from math import isfinite
 
 from adhesion_can.diagnosis.evaluate import Evaluation, PartEvaluation
 from adhesion_can.diagnosis.formatting import short
+from adhesion_can.diagnosis.gain_result import Comparison
 from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
-from adhesion_can.diagnosis.result import Comparison
-from adhesion_can.reporting.charts import BLUE, GREY, ORANGE
-from adhesion_can.reporting.page import Figure, Items, Page, Section, Table, Text
-from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.reporting.charts import BLUE, GREY, ORANGE, axis
+from adhesion_can.reporting.page import Figure, Items, Page, Part, Table, Text
+from adhesion_can.reporting.text import FittingTable
 
 TITLE = "RMSE of the adhesion on all rows of each recording"
 COLUMNS = ("data", "rows", "plain", "as written", "gain", "refitted", "gain ")
@@ -24,7 +24,7 @@ MEANING = (
 
 def render_evaluation(found: Evaluation) -> Iterator[str | FittingTable]:
     """Parts for a terminal."""
-    yield table(f"{TITLE}, and gain over the plain curve", COLUMNS, _rows(found))
+    yield FittingTable(f"{TITLE}, and gain over the plain curve", COLUMNS, _rows(found))
     yield verdict(found)
     yield MEANING
 
@@ -60,11 +60,11 @@ def page(
         provenance: Version, command, database and configuration by name.
 
     """
-    sections = [
-        Section("Figures", [Table(f"{TITLE}.", COLUMNS, _rows(found), note=MEANING)]),
-        Section("Recording by recording", [_figure(found)]),
-        Section("Inputs", [Items(notes) if notes else Text("Every row was used.")]),
-    ]
+    sections: dict[str, list[Part]] = {
+        "Figures": [Table(f"{TITLE}.", COLUMNS, _rows(found), note=MEANING)],
+        "Recording by recording": [_figure(found)],
+        "Inputs": [Items(notes) if notes else Text("Every row was used.")],
+    }
     return Page(
         title="A model on these data",
         lead=f"The model {model} compared with the plain curve.",
@@ -88,7 +88,7 @@ def _figure(found: Evaluation) -> Figure:
          "marker": {"color": colour}}
         for (name, values), colour in zip(bars.items(), COLOURS, strict=True)
     ]  # fmt: skip
-    layout = {"barmode": "group", "yaxis": {"title": {"text": "RMSE of the adhesion"}}}
+    layout = {"barmode": "group", "yaxis": axis("RMSE of the adhesion")}
     return Figure(f"{TITLE}: lower is better.", data, layout)
 
 

@@ -5,7 +5,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from adhesion_can.diagnosis.diagnose import DiagnosisSettings
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Decision, Evidence, Untested
+from adhesion_can.diagnosis.evidence import ChannelEvidence, Decision, EffectEvidence, Untested
 from adhesion_can.diagnosis.formatting import effect_name, fixed, p_equation, p_text, unit_text
 from adhesion_can.diagnosis.inference.equivalent_effects import EQUAL_GAIN
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
@@ -87,7 +87,7 @@ DECISIONS = {
 """Each decision for people; JSON has its id."""
 
 
-def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
+def evidence_rows(evidence: Sequence[EffectEvidence]) -> list[tuple[str, ...]]:
     """Cells of a table with `EVIDENCE_COLUMNS`."""
     return [
         (
@@ -95,8 +95,8 @@ def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
             fixed(e.statistic, 2),
             p_text(e.p_value),
             fixed(100 * e.absorbed, 0, " %"),
-            e.most_alike[0] or "-",
-            fixed(e.most_alike[1], 2) if e.most_alike[0] else "-",
+            e.most_similar[0] or "-",
+            fixed(e.most_similar[1], 2) if e.most_similar[0] else "-",
             fixed(e.gain_percent, 1, " %"),
             _decision(e),
         )
@@ -105,7 +105,7 @@ def evidence_rows(evidence: Sequence[Evidence]) -> list[tuple[str, ...]]:
     ]
 
 
-def _decision(evidence: Evidence) -> str:
+def _decision(evidence: EffectEvidence) -> str:
     name = DECISIONS[evidence.decision].name
     if evidence.why:
         return f"{name}: {evidence.why}"
@@ -114,7 +114,7 @@ def _decision(evidence: Evidence) -> str:
     return f"{name}, {p_equation(evidence.worse_p_value)}"
 
 
-def untested_outcome(one: Untested, evidence: Sequence[Evidence]) -> str:
+def untested_outcome(one: Untested, evidence: Sequence[EffectEvidence]) -> str:
     """Outcome for what is no finding: not tested, refuted as in its evidence, or rejected."""
     if not one.rejected:
         return "not tested"
@@ -122,7 +122,7 @@ def untested_outcome(one: Untested, evidence: Sequence[Evidence]) -> str:
     return DECISIONS[Decision.REFUTED].name if one.what in refuted else "rejected"
 
 
-def evidence_title(evidence: Sequence[Evidence]) -> str:
+def evidence_title(evidence: Sequence[EffectEvidence]) -> str:
     """What a table of evidence holds: how many tests of how many effects."""
     tested = [one for one in evidence if one.is_tested]
     effects = len({one.effect for one in tested})
@@ -132,7 +132,7 @@ def evidence_title(evidence: Sequence[Evidence]) -> str:
     )
 
 
-def decision_note(evidence: Sequence[Evidence]) -> str:
+def decision_note(evidence: Sequence[EffectEvidence]) -> str:
     """Meaning of the decisions that a table of evidence holds."""
     there = {one.decision for one in evidence if one.is_tested}
     meanings = [f"'{text.name}': {text.meaning}" for one, text in DECISIONS.items() if one in there]

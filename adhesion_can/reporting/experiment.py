@@ -28,7 +28,7 @@ from adhesion_can.experiments.runs import (
 )
 from adhesion_can.reporting.experiment_figures import figures
 from adhesion_can.reporting.experiment_style import PAPERS_OWN
-from adhesion_can.reporting.page import Page, Section, Table, Text
+from adhesion_can.reporting.page import Page, Table, Text
 
 BOUND = "Cramér-Rao bound"
 TITLES: Mapping[int, str] = {
@@ -180,13 +180,13 @@ def verdict(outcome: NoiseLevelResult) -> list[str]:
 def page(outcomes: Sequence[NoiseLevelResult], provenance: Mapping[str, str]) -> Page:
     """Page of an experiment, with one section for each noise level."""
     number = outcomes[0].experiment.number
-    sections = []
+    sections = {}
     for outcome in outcomes:
         parts: list[Any] = [merit_table(outcome)]
         if late_estimators(outcome) and not outcome.experiment.ramp:
             parts.append(Text(late_estimators(outcome) + "."))
         parts += figures(outcome)
-        sections.append(Section(f"Noise sd {outcome.noise_std:g}", parts))
+        sections[f"Noise sd {outcome.noise_std:g}"] = parts
     return Page(
         title=f"Experiment {number}: {TITLES[number]}",
         lead=_lead(outcomes[0]),

@@ -19,15 +19,18 @@ from adhesion_can.reporting.charts import (
     DARK,
     MARGINS,
     Trace,
+    axis,
     domains,
     faded,
     log_axis,
     mean_and_interval,
     panel_layout,
     place,
+    scatter,
     suffix,
     value_range,
     vertical_line,
+    whiskers,
 )
 from adhesion_can.reporting.experiment_style import (
     COLOURS,
@@ -69,17 +72,8 @@ def curves(outcome: NoiseLevelResult) -> Figure:
         parts = [np.append(adhesion(slip, *theta), np.nan) for theta in np.asarray(thetas)]
         return {"x": np.tile(np.append(slip, np.nan), len(parts)), "y": np.concatenate(parts)}
 
-    data: list[Trace] = [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "data",
-            "x": h[last],
-            "y": z[last],
-            "marker": {"color": CLOUD, "size": 4, "opacity": 0.45},
-            "hoverinfo": "skip",
-        }
-    ]
+    marker = {"color": CLOUD, "size": 4, "opacity": 0.45}
+    data = [scatter("markers", "data", h[last], z[last], marker=marker, hoverinfo="skip")]
     for result in in_order(outcome):
         thetas = result.values[0, each - 1 :: each, :3]
         data.append(
@@ -88,11 +82,11 @@ def curves(outcome: NoiseLevelResult) -> Figure:
     data.append(_truth(**lines(experiment.surfaces)))
     middle = max(float(adhesion(experiment.slip_max, *theta)) for theta in experiment.surfaces)
     layout = {
-        "xaxis": {"title": {"text": "slip ratio λ"}, "range": [0, experiment.slip_max]},
-        "yaxis": {
-            "title": {"text": "adhesion coefficient μ"},
-            "range": [min(0.0, -1.5 * outcome.noise_std), middle + 0.06 + 3 * outcome.noise_std],
-        },
+        "xaxis": axis("slip ratio λ", range=[0, experiment.slip_max]),
+        "yaxis": axis(
+            "adhesion coefficient μ",
+            range=[min(0.0, -1.5 * outcome.noise_std), middle + 0.06 + 3 * outcome.noise_std],
+        ),
     }
     what = "the run" if experiment.ramp else "each surface"
     caption = (
@@ -133,7 +127,7 @@ def over_updates(outcome: NoiseLevelResult, quantities: Sequence[str]) -> Figure
             line = {"type": "scatter", "mode": "lines", **style, "x": x, "y": mean}
             data += [band | here, line | here]
         data.append(_truth(x=x, y=truth, showlegend=row == 0) | here)
-        axes.append({"title": {"text": NAMES[name]}, "range": value_range(spans, truth)})
+        axes.append(axis(NAMES[name], range=value_range(spans, truth)))
     what = "maximum adhesion" if tuple(quantities) == ("mu_max",) else "parameters"
     where = "slip reached" if outcome.experiment.ramp else "blocks"
     caption = (
@@ -152,23 +146,13 @@ def error_over_updates(outcome: NoiseLevelResult) -> Figure:
         errors = rms(result.values[..., MU_MAX] - outcome.truth[:, MU_MAX], 0)
         line = {"type": "scatter", "mode": "lines", **line_style(outcome, result)}
         data.append(line | {"x": x, "y": np.where(errors > 0, errors, np.nan)})
-    bound = {
-        "type": "scatter",
-        "mode": "lines",
-        "name": "Cramér-Rao bound",
-        "x": x,
-        "y": outcome.bound[:, MU_MAX],
-        "line": {"color": DARK, "width": 1.4, "dash": "dot"},
-    }
-    finite = outcome.bound[:, MU_MAX][np.isfinite(outcome.bound[:, MU_MAX])]
+    limit = outcome.bound[:, MU_MAX]
+    dotted = {"color": DARK, "width": 1.4, "dash": "dot"}
+    bound = scatter("lines", "Cramér-Rao bound", x, limit, line=dotted)
+    ends = [np.log10(0.4 * limit[np.isfinite(limit)].min()), np.log10(0.5)]
     layout = {
-        "xaxis": {"title": {"text": _abscissa_title(outcome)}},
-        "yaxis": {
-            "title": {"text": "RMSE of μ<sub>m</sub>"},
-            "type": "log",
-            "range": [np.log10(0.4 * finite.min()), np.log10(0.5)],
-            "dtick": 1,
-        },
+        "xaxis": axis(_abscissa_title(outcome)),
+        "yaxis": axis("RMSE of μ<sub>m</sub>", type="log", range=ends, dtick=1),
     }
     caption = (
         "Error of the maximum adhesion, and the Cramér-Rao bound of the samples since the last "
@@ -214,20 +198,17 @@ def histograms(outcome: NoiseLevelResult) -> Figure:
                 }
                 | place(row)
             )
-        axis = suffix(row)
+        own = suffix(row)
         where = f"on surface {row + 1}" if count > 1 else "at the end"
         title = f"μ<sub>m</sub> {where} (true {truth:.4f})"
-        layout[f"xaxis{axis}"] = {
+        layout[f"xaxis{own}"] = {
             "title": {"text": title, "standoff": 10},
             "range": [edges[0], edges[-1]],
-            "anchor": f"y{axis}",
+            "anchor": f"y{own}",
         }
-        layout[f"yaxis{axis}"] = {
-            "title": {"text": "share, %"},
-            "domain": domain,
-            "rangemode": "tozero",
-            "anchor": f"x{axis}",
-        }
+        layout[f"yaxis{own}"] = axis(
+            "share, %", domain=domain, rangemode="tozero", anchor=f"x{own}"
+        )
         layout.setdefault("shapes", []).append(vertical_line(truth, row, "dash"))
     whose = "at the end of the run" if experiment.ramp else "over all blocks of each surface"
     caption = (
@@ -262,29 +243,25 @@ def accuracy(outcome: NoiseLevelResult) -> Figure:
     height = MARGINS + len(panels) * (84 + 22 * len(names))
     places = domains(len(panels), height, gap=68)
     for row, ((title, all_, kept, bound), domain) in enumerate(zip(panels, places, strict=True)):
-        base = {"type": "scatter", "mode": "markers", "y": names, "showlegend": row == 0}
-        every = {"color": COLOURS["tracker"], "size": 9}
-        data.append(
-            base
-            | {"name": "all blocks", "legendgroup": "all", "x": all_, "marker": every}
-            | place(row)
-        )
+        marked = [("all blocks", "all", all_, {"color": COLOURS["tracker"], "size": 9})]
         if kept is not None:
-            name = "without the first block after a switch"
             open_ = {"color": DARK, "size": 9, "symbol": "circle-open"}
-            data.append(
-                base
-                | {"name": name, "legendgroup": "kept", "x": kept, "marker": open_}
-                | place(row)
+            marked.append(("without the first block after a switch", "kept", kept, open_))
+        data += [
+            scatter(
+                "markers", name, x, names, showlegend=row == 0, legendgroup=group, marker=marker
             )
-        axis = suffix(row)
+            | place(row)
+            for name, group, x, marker in marked
+        ]
+        own = suffix(row)
         numbers = [*all_, *(kept or ()), *(() if bound is None else (bound,))]
-        layout[f"xaxis{axis}"] = {
+        layout[f"xaxis{own}"] = {
             "title": {"text": title, "standoff": 10},
-            "anchor": f"y{axis}",
+            "anchor": f"y{own}",
             **log_axis(numbers),
         }
-        layout[f"yaxis{axis}"] = {"domain": domain, "anchor": f"x{axis}", "type": "category"}
+        layout[f"yaxis{own}"] = {"domain": domain, "anchor": f"x{own}", "type": "category"}
         if bound is not None:
             layout["shapes"].append(vertical_line(bound, row, "dot"))
     caption = (
@@ -303,29 +280,17 @@ def slips_needed(outcome: NoiseLevelResult) -> Figure:
         low, middle, high = np.where(np.isfinite(found), found, np.nan).T
         end = np.where(np.isnan(high), outcome.experiment.slip_max, high)
         data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": ("c<sub>1</sub>", "c<sub>2</sub>", "c<sub>3</sub>", "μ<sub>m</sub>")[q],
-                "x": middle,
-                "y": [name for name, _ in shown],
-                "marker": {"color": colour, "size": 9},
-                "error_x": {
-                    "type": "data",
-                    "symmetric": False,
-                    "array": end - middle,
-                    "arrayminus": middle - low,
-                    "color": colour,
-                    "thickness": 1.2,
-                    "width": 3,
-                },
-            }
+            scatter(
+                "markers",
+                ("c<sub>1</sub>", "c<sub>2</sub>", "c<sub>3</sub>", "μ<sub>m</sub>")[q],
+                middle,
+                [name for name, _ in shown],
+                marker={"color": colour, "size": 9},
+                error_x=whiskers(end - middle, middle - low, color=colour, thickness=1.2, width=3),
+            )
         )
     layout = {
-        "xaxis": {
-            "title": {"text": "slip ratio λ reached"},
-            "range": [0, 1.02 * outcome.experiment.slip_max],
-        },
+        "xaxis": axis("slip ratio λ reached", range=[0, 1.02 * outcome.experiment.slip_max]),
         "yaxis": {"type": "category"},
     }
     caption = (

@@ -15,12 +15,11 @@ from base64 import b64encode
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-from adhesion_can.errors import InputError
-from adhesion_can.extras import install_extra
+from adhesion_can.extras import needing_extra
 from adhesion_can.files import whole_file
 from adhesion_can.reporting.trace_summary import SUMMARY_COLUMNS, summary_rows
 
@@ -94,15 +93,7 @@ class Grid:
 
 
 Part = Text | Items | Table | Figure | Grid
-"""A part of a section."""
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """A part of a page under a heading of its own."""
-
-    title: str
-    parts: Sequence[Part]
+"""Part of a section."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +104,7 @@ class Page:
         title: Title of the page.
         lead: Work that was done, a sentence or two.
         verdict: Results, a sentence each, the most important first.
-        sections: Sections in their order.
+        sections: Parts of each section by its heading, in their order.
         provenance: Version, hashes and the command that repeats the work, by name.
         next_step: What was found and what to do next, one line; '' where nothing follows.
         begin: Date and time of time 0, a sentence for each recording; '' where there is none.
@@ -123,7 +114,7 @@ class Page:
     title: str
     lead: str
     verdict: Sequence[str]
-    sections: Sequence[Section]
+    sections: Mapping[str, Sequence[Part]]
     provenance: Mapping[str, str]
     next_step: str = ""
     begin: str = ""
@@ -132,7 +123,7 @@ class Page:
     def figures(self) -> list[Figure]:
         """All figures in their order."""
         found: list[Figure] = []
-        for part in (part for section in self.sections for part in section.parts):
+        for part in chain.from_iterable(self.sections.values()):
             if isinstance(part, Grid):
                 found += part.figures
             elif isinstance(part, Figure):
@@ -140,8 +131,8 @@ class Page:
         return found
 
 
-def require_extra(where: str) -> None:
-    """Raise where Jinja2 or Plotly are missing, before work that would end in a page.
+def require_extra(where: str) -> tuple[Any, Any]:
+    """Jinja2 and the function that gives Plotly's script; called before work that ends in a page.
 
     Args:
         where: Option or file that asks for the page.
@@ -150,7 +141,10 @@ def require_extra(where: str) -> None:
         InputError: The extra is not installed.
 
     """
-    _extra(where)
+    with needing_extra("report", where, "an HTML page needs Jinja2 and Plotly"):
+        import jinja2
+        from plotly.offline import get_plotlyjs
+    return jinja2, get_plotlyjs
 
 
 def render(page: Page, where: str = "page") -> str:
@@ -164,7 +158,7 @@ def render(page: Page, where: str = "page") -> str:
         InputError: The extra is not installed.
 
     """
-    jinja2, _ = _extra(where)
+    jinja2, _ = require_extra(where)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("adhesion_can.reporting"),
         autoescape=True,
@@ -205,23 +199,10 @@ def write_page(page: Page, path: Path, *, own_name: bool = False) -> None:
         file.write(text)
 
 
-def _extra(where: str) -> tuple[Any, Any]:
-    try:
-        import jinja2
-        from plotly.offline import get_plotlyjs
-    except ImportError as error:
-        raise InputError(
-            where,
-            f"an HTML page needs Jinja2 and Plotly (no module {error.name!r})",
-            install_extra("report"),
-        ) from error
-    return jinja2, get_plotlyjs
-
-
 @cache
 def _packed_plotly() -> str:
     """Plotly's script, compressed, as base64: 2 of 4.8 MB; the page's own script unpacks it."""
-    _, plotly_script = _extra("page")
+    _, plotly_script = require_extra("page")
     packed = gzip.compress(plotly_script().encode(), compresslevel=9, mtime=0)
     return b64encode(packed).decode("ascii")
 

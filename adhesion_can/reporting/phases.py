@@ -6,7 +6,7 @@ from typing import Any
 
 from adhesion_can.physics.doubt import DESCRIPTIONS
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.text import FittingTable, table
+from adhesion_can.reporting.text import FittingTable
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.outputs import Outputs
 
@@ -134,6 +134,6 @@ def phase_table(found: Sequence[Phase]) -> FittingTable:
     doubtful = any(phase.last and phase.last.doubt in DESCRIPTIONS for phase in found)
     shown = [i for i, name in enumerate(PHASE_COLUMNS) if doubtful or name != "doubt"]
     title = "Truth and estimate at the end of each surface"
-    return table(
+    return FittingTable(
         title, [PHASE_COLUMNS[i] for i in shown], [[row[i] for i in shown] for row in rows]
     )

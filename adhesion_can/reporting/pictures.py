@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.errors import InputError
-from adhesion_can.extras import install_extra
+from adhesion_can.extras import needing_extra
 from adhesion_can.files import whole_file
 from adhesion_can.reporting.page import Figure, Page
 
@@ -37,14 +36,8 @@ def require_pictures(where: str) -> None:
         InputError: The extra is not installed.
 
     """
-    try:
+    with needing_extra("report", where, "pictures need Matplotlib"):
         import matplotlib as mpl  # noqa: F401  whether it is there
-    except ImportError as error:
-        raise InputError(
-            where,
-            f"pictures need Matplotlib (no module {error.name!r})",
-            install_extra("report"),
-        ) from error
 
 
 def write_pictures(page: Page, path: Path) -> list[Path]:

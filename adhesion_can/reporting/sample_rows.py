@@ -14,7 +14,7 @@ from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label, channel_unit
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
-from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
+from adhesion_can.reporting.export import Field, FieldColumn, TableWriter, open_table
 
 ROWS = 20_000
 """Number of rows written at once."""
@@ -81,22 +81,22 @@ class SampleRows:
         residual = samples.adhesion - np.concatenate(self._curves)
         beyond = np.abs(samples.slip) > self._slip_max
         columns = [
-            Column(samples.axle.astype(np.uint8)),
-            Column(samples.slip),
-            Column(np.sqrt(samples.slip_total_var)),
-            Column(samples.adhesion),
-            Column(np.sqrt(samples.adhesion_var + samples.transient_var)),
-            Column(samples.speed),
-            Column(samples.adhesion * samples.load),
-            Column(samples.load),
-            Column(np.repeat(np.array(self._surfaces, dtype=np.uint32), lengths)),
-            Column(residual, np.isnan(residual)),
-            Column(np.where(beyond, BEYOND, USED).astype(np.uint8)),
-            *(Column(values, np.isnan(values)) for values in channels.values()),
+            FieldColumn(samples.axle.astype(np.uint8)),
+            FieldColumn(samples.slip),
+            FieldColumn(np.sqrt(samples.slip_total_var)),
+            FieldColumn(samples.adhesion),
+            FieldColumn(np.sqrt(samples.adhesion_var + samples.transient_var)),
+            FieldColumn(samples.speed),
+            FieldColumn(samples.adhesion * samples.load),
+            FieldColumn(samples.load),
+            FieldColumn(np.repeat(np.array(self._surfaces, dtype=np.uint32), lengths)),
+            FieldColumn(residual, np.isnan(residual)),
+            FieldColumn(np.where(beyond, BEYOND, USED).astype(np.uint8)),
+            *(FieldColumn(values, np.isnan(values)) for values in channels.values()),
         ]
         order = np.argsort(samples.t_us, kind="stable")
         sorted_columns = [
-            Column(c.values[order], None if c.missing is None else c.missing[order])
+            FieldColumn(c.values[order], None if c.missing is None else c.missing[order])
             for c in columns
         ]
         self._writer.write(samples.t_us[order] * 1000, sorted_columns)

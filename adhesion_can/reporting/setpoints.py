@@ -15,7 +15,7 @@ from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.export import Column, Field, TableWriter, open_table
+from adhesion_can.reporting.export import Field, FieldColumn, TableWriter, open_table
 from adhesion_can.service.output_messages import AXLE_FRAMES
 from adhesion_can.service.outputs import Outputs, Setpoint
 
@@ -43,12 +43,12 @@ class SetpointColumn:
         number = self.read(outputs)
         return nan if number is None or not isfinite(number) else float(number)
 
-    def written(self, numbers: Array) -> Column:
+    def written(self, numbers: Array) -> FieldColumn:
         """Column as it is written, from the numbers of rows, shape (n,)."""
         missing = np.isnan(numbers) if self.field.optional else None
         if self.field.text:
             numbers = np.nan_to_num(numbers, nan=self.missing).astype(np.uint8)
-        return Column(numbers, missing)
+        return FieldColumn(numbers, missing)
 
     def values(self, numbers: Array) -> NDArray[Any]:
         """Column as Python has it: names in place of their numbers, '' where not available."""

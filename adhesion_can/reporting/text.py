@@ -44,6 +44,8 @@ class _Console(Console):
 class FittingTable:
     """A table that cuts no cell: where it is too wide, it goes on below with its first column.
 
+    The first column is to the left, the others are to the right.
+
     Args:
         title: Title.
         columns: Headings.
@@ -87,8 +89,3 @@ class FittingTable:
         for row in self.rows:
             made.add_row(row[0], *row[begin:end])
         return made
-
-
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> FittingTable:
-    """A table: the first column to the left, the others to the right."""
-    return FittingTable(title, columns, rows)

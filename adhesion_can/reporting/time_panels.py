@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from adhesion_can.arrays import Array
-from adhesion_can.reporting.charts import MARGINS, Trace, panel_layout, place
+from adhesion_can.reporting.charts import MARGINS, Trace, axis, panel_layout, place, scatter
 from adhesion_can.reporting.page import Figure
 
 GAP = 22
@@ -53,8 +53,29 @@ def line(name: str, x: Array, y: Array, style: Mapping[str, Any], *, hold: bool 
 
     """
     shape = {"shape": "hv"} if hold else {}
-    return {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y,
-            "line": {**style, **shape}}  # fmt: skip
+    return scatter("lines", name, x, y, line={**style, **shape})
+
+
+def span_line(
+    name: str,
+    spans: Sequence[tuple[int, int]],
+    begins: Array,
+    ends: Array,
+    style: Mapping[str, Any],
+) -> Trace:
+    """Bar over spans in the row of its own name, on an axis of categories.
+
+    Args:
+        name: Name of the row.
+        spans: First row of the data and the row after the last one, of each span.
+        begins: Abscissa at which each row of the data begins, shape (n,).
+        ends: Abscissa at which each row of the data ends, shape (n,).
+        style: Colour and width.
+
+    """
+    x = [v for first, end in spans for v in (begins[first], ends[end - 1], None)]
+    y = [v for _ in spans for v in (name, name, None)]
+    return scatter("lines", name, x or [None], y or [name], line=style, showlegend=False)
 
 
 def panels_figure(
@@ -76,7 +97,7 @@ def panels_figure(
     """
     heights = [panel.height for panel in panels]
     height = round(sum(heights)) + GAP * (len(panels) - 1) + MARGINS
-    axes = [{**panel.axis, "title": {"text": panel.title}} for panel in panels]
+    axes = [{**panel.axis, **axis(panel.title)} for panel in panels]
     layout = panel_layout(axes, abscissa, height, heights) | dict(marks or {})
     data = [
         trace | place(row) | {"meta": panel.title}

@@ -15,12 +15,7 @@ MOST_ROWS = 60
 
 
 def summary_rows(data: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """Cells for each trace that has a name; those of one name follow each other.
-
-    Args:
-        data: Traces of Plotly.
-
-    """
+    """Cells for each trace that has a name; those of one name follow each other."""
     rows: list[tuple[str, ...]] = []
     for trace in data[:MOST_ROWS]:
         name = plain_text(str(trace.get("name", "")))

@@ -96,7 +96,7 @@ def probing_slip(time_s: float, axles: int, pattern: Pattern, settings: DriveSet
 
 
 @dataclass(slots=True)
-class Command:
+class ReceivedSetpoint:
     """Content of the latest `AdhesionSetpoint`.
 
     Attributes:
@@ -128,7 +128,7 @@ class Drive:
     settings: DriveSettings = field(default_factory=DriveSettings)
     pattern: Pattern = Pattern.STAGGERED
     obey: bool = False
-    command: Command = field(default_factory=Command)
+    command: ReceivedSetpoint = field(default_factory=ReceivedSetpoint)
 
     def __post_init__(self) -> None:
         self._integral = np.zeros(self.axles)
@@ -209,4 +209,4 @@ class Drive:
 
         """
         since = self.command.since_s if known is self.command.known else time_s
-        self.command = Command(known, since, creep_speed)
+        self.command = ReceivedSetpoint(known, since, creep_speed)

@@ -22,7 +22,7 @@ from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 from adhesion_can.simulation.drive import DriveSettings
 from adhesion_can.simulation.scenarios import Scenario
-from adhesion_can.simulation.sensors import NOISE_ROOM, NoiseSettings
+from adhesion_can.simulation.sensors import NOISE_ROOM, SensorNoiseSettings
 
 HELD_SHARE = 0.1
 """Share of the train's weight on driven wheels up to which the track alone keeps the speed: its
@@ -38,7 +38,7 @@ SLOWEST_RUN = 2.0
 _DEFAULT = Locomotive()
 
 
-class Range(NamedTuple):
+class QuantityRange(NamedTuple):
     """Range of a quantity, SI; infinite where a float has no limit.
 
     Attributes:
@@ -53,15 +53,15 @@ class Range(NamedTuple):
     signal: BoundSignal
 
 
-def signal_range(signal: BoundSignal) -> Range:
+def signal_range(signal: BoundSignal) -> QuantityRange:
     """Range of the values that a signal can carry, in the role's SI unit."""
     one, other = (end * signal.scale - signal.offset for end in signal.plan.sendable)
-    return Range(min(one, other), max(one, other), signal)
+    return QuantityRange(min(one, other), max(one, other), signal)
 
 
-def noise_of(vehicle: Locomotive) -> NoiseSettings:
+def noise_of(vehicle: Locomotive) -> SensorNoiseSettings:
     """Noise of the sensors of a vehicle; effort and load in proportion to its static loads."""
-    size, usual = vehicle.relative_load, NoiseSettings()
+    size, usual = vehicle.relative_load, SensorNoiseSettings()
     return replace(usual, effort=usual.effort * size, load=usual.load * size)
 
 
@@ -156,21 +156,21 @@ def _rim_mass(vehicle: Locomotive) -> float:
     return vehicle.wheelset_inertia / fmean(vehicle.wheel_radius) ** 2
 
 
-def _ranges(messages: Sequence[BoundMessage], role: Role) -> Iterator[Range]:
+def _ranges(messages: Sequence[BoundMessage], role: Role) -> Iterator[QuantityRange]:
     for message in messages:
         for signal in message.signals:
             if signal.role is role:
                 yield signal_range(signal)
 
 
-def effort_ranges(messages: Sequence[BoundMessage]) -> Iterator[Range]:
+def effort_ranges(messages: Sequence[BoundMessage]) -> Iterator[QuantityRange]:
     """Range of each effort signal, N."""
     return _ranges(messages, Role.TRACTIVE_EFFORT)
 
 
 def speed_ranges(
     vehicle: Locomotive, messages: Sequence[BoundMessage], slip_high: float
-) -> Iterator[Range]:
+) -> Iterator[QuantityRange]:
     """Range of the vehicle speed that each speed signal has room for, m/s.
 
     Args:
@@ -179,7 +179,7 @@ def speed_ranges(
         slip_high: Largest slip ratio of the wheels.
 
     """
-    noise = NoiseSettings()
+    noise = SensorNoiseSettings()
     for found in _ranges(messages, Role.VEHICLE_SPEED):
         yield found._replace(high=found.high - NOISE_ROOM * noise.vehicle_speed)
     for found in _ranges(messages, Role.WHEEL_SPEED):
@@ -187,7 +187,7 @@ def speed_ranges(
         yield found._replace(high=found.high * radius / (most * (1.0 + OVERSHOOT)))
 
 
-def _describe_limit(found: Range, effort: float, vehicle: Locomotive) -> str:
+def _describe_limit(found: QuantityRange, effort: float, vehicle: Locomotive) -> str:
     signal = found.signal
     share = effort / fmean(vehicle.axle_load)
     return (

@@ -29,7 +29,7 @@ from adhesion_can.physics.effects import (
 )
 from adhesion_can.physics.instrument_laws import LoadShift
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
-from adhesion_can.simulation.surroundings import Conditions, Surroundings
+from adhesion_can.simulation.surroundings import SurroundingConditions, Surroundings
 
 AxleCurves = tuple[Array, ...]
 """Values of the curve's parameters under each axle, such as c1, c2, c3, shape (axles,) each."""
@@ -167,7 +167,7 @@ class Plant:
         return slope.help(self.speed, self.time_s) if isinstance(slope, GradientProfile) else 0.0
 
     @property
-    def conditions(self) -> Conditions:
+    def conditions(self) -> SurroundingConditions:
         """Conditions around the locomotive now."""
         known = self._surroundings.at(self.time_s, self.position)
         return known if self.sanding is None else replace(known, sanding=float(self.sanding))

@@ -9,7 +9,7 @@ from adhesion_can.errors import ConfigError
 from adhesion_can.physics.readings import Role
 
 
-class Refusal(NamedTuple):
+class Unsupported(NamedTuple):
     """Something that the simulation does not support.
 
     Attributes:
@@ -43,7 +43,7 @@ def require_simulable(
         raise ConfigError(f"{where}: roles", what, fix)
 
 
-def _shared_efforts(choices: Sequence[SignalChoice]) -> list[Refusal]:
+def _shared_efforts(choices: Sequence[SignalChoice]) -> list[Unsupported]:
     """Axles that share an effort: each is simulated separately, with its own slip."""
     by_signal: dict[str, list[str]] = {}
     for choice in choices:
@@ -57,15 +57,15 @@ def _shared_efforts(choices: Sequence[SignalChoice]) -> list[Refusal]:
         return []
     what = f"{', '.join(shared)}, and the simulation moves every axle separately"
     fix = "map one axle of each motor, in a file of its own for 'simulate', which 'init' offers"
-    return [Refusal(what, fix)]
+    return [Unsupported(what, fix)]
 
 
-def _multiplexed(sent: Sequence[BoundMessage]) -> list[Refusal]:
+def _multiplexed(sent: Sequence[BoundMessage]) -> list[Unsupported]:
     signals = chain.from_iterable(
         ((message, signal) for signal in message.signals) for message in sent
     )
     return [
-        Refusal(
+        Unsupported(
             f"{signal.name}: {message.plan.name}.{signal.plan.name} is multiplexed, which the "
             "simulation does not support",
             "map the role to another signal, or remove it",
@@ -75,10 +75,10 @@ def _multiplexed(sent: Sequence[BoundMessage]) -> list[Refusal]:
     ]
 
 
-def _unknown_cycles(sent: Sequence[BoundMessage]) -> list[Refusal]:
+def _unknown_cycles(sent: Sequence[BoundMessage]) -> list[Unsupported]:
     names = [message.plan.name for message in sent if message.cycle_us is None]
     if not names:
         return []
     what = f"the cycles of {', '.join(names)} are" if names[1:] else f"the cycle of {names[0]} is"
     fix = "write cycle_ms at their roles, or GenMsgCycleTime in the database"
-    return [Refusal(f"{what} unknown", fix)]
+    return [Unsupported(f"{what} unknown", fix)]

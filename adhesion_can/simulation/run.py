@@ -32,7 +32,7 @@ from adhesion_can.simulation.drive import Drive, DriveSettings
 from adhesion_can.simulation.plant import SLOWEST, Plant, Rails, Track
 from adhesion_can.simulation.role_sensors import RoleSensors
 from adhesion_can.simulation.scenarios import Scenario
-from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
+from adhesion_can.simulation.sensors import PlantState, SensorNoiseSettings, SimulatedSensors
 
 STEP_US = 2000
 
@@ -63,7 +63,7 @@ class RunSettings:
     seed: int = 1
     vehicle: Locomotive = field(default_factory=Locomotive)
     effects: tuple[ActiveEffect, ...] = ()
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    noise: SensorNoiseSettings = field(default_factory=SensorNoiseSettings)
     drive: DriveSettings = field(default_factory=DriveSettings)
     obey: bool = False
     load_transfer: bool = False
@@ -121,7 +121,7 @@ class Simulation:
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
         rng = np.random.default_rng(settings.seed)
         self._sensors = (
-            Sensors(database, settings.noise, rng, instruments, settings.vehicle)
+            SimulatedSensors(database, settings.noise, rng, instruments, settings.vehicle)
             if messages is None
             else RoleSensors(messages, settings.noise, rng, instruments, settings.vehicle)
         )

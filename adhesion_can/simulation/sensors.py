@@ -16,7 +16,7 @@ from adhesion_can.physics.instruments import PERFECT, Instruments
 from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.readings import Direction, Role, SpeedSource
 from adhesion_can.physics.vehicle import Locomotive
-from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, Conditions
+from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, SurroundingConditions
 
 SLOT_US = 250
 """Duration of a frame of 8 bytes at 500 kbit/s, about, µs."""
@@ -28,7 +28,7 @@ NOISE_ROOM = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class NoiseSettings:
+class SensorNoiseSettings:
     """Standard deviations of white noise, one draw a frame and signal.
 
     The defaults are those of the default locomotive, 245 kN an axle.
@@ -69,7 +69,7 @@ class PlantState:
     effort: Array
     load: Array
     gradient: float
-    conditions: Conditions = DEFAULT_CONDITIONS
+    conditions: SurroundingConditions = DEFAULT_CONDITIONS
     acceleration: float = 0.0
     wheel_angle: Array | None = None
 
@@ -225,7 +225,7 @@ _ROLES = {
 }
 
 
-class Sensors:
+class SimulatedSensors:
     """All input messages of the packaged message set, each at its cycle.
 
     Args:
@@ -240,7 +240,7 @@ class Sensors:
     def __init__(
         self,
         database: CanDatabase,
-        noise: NoiseSettings,
+        noise: SensorNoiseSettings,
         rng: np.random.Generator,
         instruments: Instruments = PERFECT,
         vehicle: Locomotive | None = None,

@@ -24,7 +24,7 @@ CURVATURE = COVARIATES[Role.CURVATURE]
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class SurroundingConditions:
     """Surroundings at one time and place.
 
     Attributes:
@@ -62,7 +62,7 @@ class Conditions:
         }
 
 
-DEFAULT_CONDITIONS = Conditions()
+DEFAULT_CONDITIONS = SurroundingConditions()
 
 
 def interpolate(x: float, corners: Sequence[float], values: Sequence[float]) -> float:
@@ -153,10 +153,10 @@ class Surroundings:
     shower_s: float = 0.0
     curves: tuple[TrackCurve, ...] = ()
 
-    def at(self, time_s: float, position: float) -> Conditions:
+    def at(self, time_s: float, position: float) -> SurroundingConditions:
         """Conditions at a time, s, and a place along the track, m."""
         remaining_s = self.sanding_period_s - time_s % self.sanding_period_s
-        return Conditions(
+        return SurroundingConditions(
             rail_temperature=self.rail_temperature.at(time_s),
             humidity=self.humidity.at(time_s),
             sanding=float(remaining_s <= self.sanding_s),

@@ -25,7 +25,7 @@ from adhesion_can.cli.monitor_source import LiveSource
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_extra
-from adhesion_can.monitoring.snapshot import Kind, MessageState, Origin
+from adhesion_can.monitoring.snapshot import MessageRole, MessageState, Origin
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.recordings.recording import Recording
@@ -490,7 +490,7 @@ def test_on_a_paused_view_of_a_bus_frames_go_on():
 def test_the_inputs_of_the_packaged_database_are_its_inputs(logs):
     session, _ = session_on(logs / "full.log")
     shown = session.run_until(2_000_000)
-    inputs = [view for view in shown.messages if view.kind is Kind.INPUT]
+    inputs = [view for view in shown.messages if view.kind is MessageRole.INPUT]
     assert len(inputs) == 9
     assert all(view.state is MessageState.OK for view in inputs)
 

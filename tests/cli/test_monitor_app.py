@@ -20,7 +20,7 @@ from textual.app import App
 from textual.widgets import Input
 
 from adhesion_can.cli.monitor_app import MonitorApp
-from adhesion_can.reporting.terminal.view import Page
+from adhesion_can.reporting.terminal.view import ViewPage
 
 
 class Clock:
@@ -103,7 +103,7 @@ def test_a_filter_is_typed_kept_and_taken_back(log):
         assert not on.app.query_one(Input).display
         await on.pilot.press("f", *["backspace"] * 5, "enter")
         assert "TractiveEffort1" in text_of(on.app)
-        assert on.app.view.chosen.page is Page.OVERVIEW
+        assert on.app.view.chosen.page is ViewPage.OVERVIEW
 
     piloted(log, steps)
 

@@ -6,7 +6,7 @@ import pytest
 from adhesion_can.diagnosis.extended_model import _estimate_segment, build_spline
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
-from adhesion_can.diagnosis.regression.model import Evaluation
+from adhesion_can.diagnosis.regression.model import EvaluatedModel
 from adhesion_can.physics.curves import Conditions
 from tests.diagnosis.diagnosis_helpers import C1, C2, build_table_drive, burckhardt
 
@@ -16,7 +16,7 @@ def surface_of(factor):
     mu = burckhardt(slip) + 0.01 * np.random.default_rng(1).standard_normal(2000)
     drive = build_table_drive(slip, mu)
     predicted = factor * burckhardt(slip)
-    seen = Evaluation(mu, slip, np.full(2000, factor), predicted / factor, Conditions(10.0))
+    seen = EvaluatedModel(mu, slip, np.full(2000, factor), predicted / factor, Conditions(10.0))
     return _estimate_segment(drive, np.arange(2000), 0, seen)
 
 
@@ -35,7 +35,7 @@ def test_a_spline_over_the_slip_has_no_change_that_the_curves_only_undo():
     slip = np.linspace(1e-4, 0.2, 2000)
     mu = burckhardt(slip)
     channel = Channel("slip", ChannelKind.FACTOR, slip)
-    evaluation = Evaluation(mu, slip, np.ones(2000), mu, Conditions(10.0))
+    evaluation = EvaluatedModel(mu, slip, np.ones(2000), mu, Conditions(10.0))
     basis = channel.build_basis(evaluation)
     steep = np.exp(-C2 * slip)
     jacobian = np.column_stack([1 - steep, C1 * slip * steep, -slip])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.inference.hold_out_gain import (
     HoldOutResult,
     HoldOutUnits,
@@ -21,7 +22,6 @@ from adhesion_can.diagnosis.regression.model import Model, RegressionData
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
-from adhesion_can.diagnosis.result import Gain
 from adhesion_can.physics.effects import effect_by_id
 from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt
 

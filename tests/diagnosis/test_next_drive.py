@@ -23,7 +23,7 @@ from adhesion_can.diagnosis.next_drive.compute_next_drive import (
     plan_drive,
     power_of,
 )
-from adhesion_can.diagnosis.next_drive.discrepancy import Comparison, add_grams, minimise
+from adhesion_can.diagnosis.next_drive.discrepancy import ExplanationComparison, add_grams, minimise
 from adhesion_can.diagnosis.next_drive.drive_setting import DriveSetting, TrainResistance
 from adhesion_can.diagnosis.next_drive.explanations import PLAIN, Explanation
 from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart, predict_drive
@@ -101,7 +101,7 @@ def test_every_effect_of_the_library_can_be_planned_with(effect):
     drive = predict_drive((TRACTION, BRAKING), START, setting, one)
     found = evaluate_model(drive.data, model.curves, model.active_effects)
     assert np.abs(found.residual).max() < 1e-3
-    comparison = Comparison((one, explanation()), setting)
+    comparison = ExplanationComparison((one, explanation()), setting)
     grams = comparison.build_part((TRACTION, BRAKING), START).grams
     assert all(np.isfinite(gram).all() for gram in grams.values())
 
@@ -136,7 +136,7 @@ def vars_of(one):
 
 def test_an_explanation_is_at_no_distance_from_itself():
     other = explanation("effort_bias", 8000.0)
-    comparison = Comparison((BIAS, SCALE), SETTING)
+    comparison = ExplanationComparison((BIAS, SCALE), SETTING)
     gram = comparison._regression(predict_drive((TRACTION, COAST), START, SETTING, BIAS)).gram(
         other.model
     )
@@ -144,7 +144,7 @@ def test_an_explanation_is_at_no_distance_from_itself():
 
 
 def test_the_grams_of_parts_add_up_to_those_of_the_whole():
-    comparison = Comparison((BIAS, SCALE), SETTING)
+    comparison = ExplanationComparison((BIAS, SCALE), SETTING)
     first = comparison.build_part((TRACTION,), START)
     second = comparison.build_part((COAST,), first.end)
     apart = comparison.compute(add_grams(first.grams, second.grams))
@@ -154,7 +154,7 @@ def test_the_grams_of_parts_add_up_to_those_of_the_whole():
 
 
 def test_the_linearised_discrepancy_is_near_the_one_after_a_fit():
-    comparison = Comparison((BIAS, SCALE), SETTING)
+    comparison = ExplanationComparison((BIAS, SCALE), SETTING)
     steps = (TRACTION, COAST, BRAKING)
     linear = comparison.compute(comparison.build_part(steps, START).grams)
     fitted = comparison.refit(steps, START)
@@ -193,7 +193,7 @@ CATALOGUE = ((TRACTION,), (BRAKING,), (COAST,), (PlanStep(6.0, "traction", (0.03
 @pytest.mark.parametrize("pair", [(BIAS, SCALE), (BIAS, explanation()), (FALL, TIME)])
 @pytest.mark.parametrize("least_s", [0.0, 10.0])
 def test_the_drive_is_as_short_as_the_best_of_all_sequences(pair, least_s):
-    comparison = Comparison(pair, SETTING)
+    comparison = ExplanationComparison(pair, SETTING)
     built = {}
 
     def build(steps, _start):

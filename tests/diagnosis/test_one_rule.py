@@ -9,7 +9,7 @@ import pytest
 from adhesion_can import diagnose, simulate
 from adhesion_can.config.plan_file import read_plan, write_plan
 from adhesion_can.diagnosis import build_evidence
-from adhesion_can.diagnosis.evidence import Decision, Evidence
+from adhesion_can.diagnosis.evidence import Decision, EffectEvidence
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
@@ -73,14 +73,14 @@ def test_a_refuted_rival_is_no_rival(refuted, left):
     selection = ModelSelection(best, best, (b, c), (), None, known_rivals={"a": ("b", "c")})
     found = Findings(None, None, selection, None, None, (), [], 1.0, 0.01, 0.025)
     remaining = RemainingExplanations(("1",), ("2",), ("a", "c"), (), refuted_effects=refuted)
-    applied, _ = apply_remaining(found, None, found, remaining, other_drives=False)
+    applied, _ = apply_remaining(found, None, found, remaining)
     assert len(applied.selection.indistinguishable) == left
     assert ("b" in applied.selection.known_rivals["a"]) == (left == 2)
-    assert apply_remaining(found, None, found, None, other_drives=False)[0] is found
+    assert apply_remaining(found, None, found, None)[0] is found
 
 
 def evidence(decision, effect="b"):
-    return Evidence(effect, "", 0, 3.0, 0.001, 0.1, ("a", 0.5), 3.0, decision)
+    return EffectEvidence(effect, "", 0, 3.0, 0.001, 0.1, ("a", 0.5), 3.0, decision)
 
 
 def test_a_further_drive_overrules_what_is_open_and_no_name():
@@ -93,7 +93,7 @@ def test_a_further_drive_overrules_what_is_open_and_no_name():
 
 def test_worse_is_what_the_test_of_rivals_calls_worse():
     drives = SimpleNamespace(drives=(None,))
-    found = SimpleNamespace(prepared=SimpleNamespace(regression=SimpleNamespace(data=drives)))
+    found = SimpleNamespace(regression=SimpleNamespace(data=drives))
     best = scored([1.0] * BLOCKS, 1.0)
     sure = scored([1.2, 1.1] * (BLOCKS // 2), 1.1)
     unsure = scored([2.0, 0.2] * (BLOCKS // 2), 1.1)

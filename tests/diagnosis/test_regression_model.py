@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.effect_derivatives import (
+    compute_effect_jacobian,
+    compute_signature,
+)
 from adhesion_can.diagnosis.regression.model import (
     Model,
     RegressionData,
     compute_curve_jacobian,
-    compute_effect_jacobian,
-    compute_signature,
     evaluate_model,
     remove_effect,
 )

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.model import Model, RegressionData, compute_effect_jacobian
+from adhesion_can.diagnosis.regression.effect_derivatives import compute_effect_jacobian
+from adhesion_can.diagnosis.regression.model import Model, RegressionData
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import known_effects

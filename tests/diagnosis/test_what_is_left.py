@@ -103,11 +103,11 @@ class Named:
         self.named = tuple(gains)
         candidates = tuple(SimpleNamespace(effect=SimpleNamespace(id=name)) for name in gains)
         model = SimpleNamespace(candidates=candidates, gains=gains)
-        self.selection = SimpleNamespace(best=SimpleNamespace(fitted=SimpleNamespace(model=model)))
-        self.prepared = SimpleNamespace(regression=None)
+        self.selection = SimpleNamespace(best=SimpleNamespace(model=model))
+        self.regression = None
 
     def without_effect(self, place):
-        gains = self.selection.best.fitted.model.gains
+        gains = self.selection.best.model.gains
         return Named({name: gains[name] for k, name in enumerate(gains) if k != place})
 
 
@@ -122,7 +122,7 @@ class Named:
     ],
 )
 def test_each_of_several_causes_gains_beside_the_others(gains, left, monkeypatch):
-    def gain_of(_found, without, _best, _channel, **_how):
+    def gain_of(_found, without, _best):
         return SimpleNamespace(interval=without, percent=sum(without) / 2)
 
     def remove(model, place):
@@ -133,7 +133,7 @@ def test_each_of_several_causes_gains_beside_the_others(gains, left, monkeypatch
     fit = SimpleNamespace
     monkeypatch.setattr(confirm_on_hold_out, "fit_model", lambda _rows, one: fit(model=one))
     monkeypatch.setattr(confirm_on_hold_out, "is_significant", lambda one: one.interval[0] > 0.0)
-    kept, rejected = confirm_on_hold_out.drop_uncertain(Named(gains), other_drives=False)
+    kept, rejected = confirm_on_hold_out.drop_uncertain(Named(gains))
     assert set(kept.named) == left
     assert {one.what for one in rejected} == set(gains) - left
     assert all(one.rejected and "in addition to the other causes" in one.why for one in rejected)

@@ -24,7 +24,7 @@ from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
-from adhesion_can.simulation.sensors import NoiseSettings
+from adhesion_can.simulation.sensors import SensorNoiseSettings
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=25)
 DRY, WET, GREASY = (surface.theta for surface in RAIL)
@@ -687,7 +687,7 @@ def test_a_switch_between_large_updates_is_known_at_once_and_stays_known(before,
 
 def changes_declared(scenario, seconds, seed, noise=1.0, estimator=Tracker):
     """Changes of the surface that the service declares on a drive over one rail."""
-    config, said, usual = load_configuration(), [], NoiseSettings()
+    config, said, usual = load_configuration(), [], SensorNoiseSettings()
     scaled = replace(
         usual,
         wheel_speed=noise * usual.wheel_speed,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.calibration.coasting import CoastingTimes
-from adhesion_can.calibration.fit import AxleRadius, Calibration, Quantity
+from adhesion_can.calibration.fit import AxleRadius, CalibratedQuantity, Calibration
 from adhesion_can.config import load_configuration
 from adhesion_can.config.calibrated_radii import rim_axles, with_radii
 from adhesion_can.files import file_sha256
@@ -32,7 +32,13 @@ EFFECTS = {one.effect: one for one in HIDDEN}
 
 def calibration(*deviations, std=1e-4, coasting_s=20.0, blocks=6, effort=True):
     axles = tuple(
-        AxleRadius(axle, 0.6, Quantity(0.6 * (1 + own), 0.6 * std, (0.0, 1.0)), coasting_s, blocks)
+        AxleRadius(
+            axle,
+            0.6,
+            CalibratedQuantity(0.6 * (1 + own), 0.6 * std, (0.0, 1.0)),
+            coasting_s,
+            blocks,
+        )
         for axle, own in enumerate(deviations, 1)
     )
     return Calibration(
@@ -95,7 +101,7 @@ def test_rates_of_radii_that_are_applied_by_chance():
         values = 0.01 * rng.standard_normal((6, blocks))
         std = values.std(axis=1, ddof=1) / np.sqrt(blocks)
         axles = tuple(
-            AxleRadius(i, 0.6, Quantity(0.6 * (1 + m), 0.6 * s, (0.0, 1.0)), 20.0, blocks)
+            AxleRadius(i, 0.6, CalibratedQuantity(0.6 * (1 + m), 0.6 * s, (0.0, 1.0)), 20.0, blocks)
             for i, (m, s) in enumerate(zip(values.mean(axis=1), std, strict=True), 1)
         )
         applied += bool(choose_radii(replace(calibration(), axles=axles)).ratio)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
-from adhesion_can.monitoring.snapshot import Kind, MessageState
+from adhesion_can.monitoring.snapshot import MessageRole, MessageState
 from adhesion_can.monitoring.state import MonitorState
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
@@ -47,7 +47,7 @@ def test_rates_ages_and_states_of_a_bus_in_order():
         assert view.state is MessageState.OK
         assert (view.lost, dict(view.rejected)) == (0, {})
     assert views["AxleSetpoint"].rate == pytest.approx(300, abs=7)
-    assert {v.kind for v in views.values() if v.frame_id in OWN} == {Kind.OUTPUT}
+    assert {v.kind for v in views.values() if v.frame_id in OWN} == {MessageRole.OUTPUT}
 
 
 def test_the_service_as_cantools_decodes_its_last_frames():
@@ -142,7 +142,7 @@ def test_frames_of_other_ids_are_listed_and_bounded():
     others += [Frame(300_000, 0x18FEF100, b"\x00", is_extended=True)]
     others += [Frame(300_000, 0x7FF, b"", is_remote=True), Frame(300_000, 4, b"", is_error=True)]
     snapshot = state_after(others).snapshot(300_000)
-    found = [v for v in snapshot.messages if v.kind is Kind.OTHER]
+    found = [v for v in snapshot.messages if v.kind is MessageRole.OTHER]
     assert [v.number for v in found] == ["700", "701", "702", "18FEF100"]
     assert [v.accepted for v in found] == [100, 100, 100, 1]
     assert snapshot.frames == 303
@@ -159,7 +159,7 @@ def test_demands_of_a_controller_are_checked_too():
         frames.append(Frame(k * 10_000, 0x301, payload))
     frames.sort(key=lambda frame: frame.t_us)
     view = by_name(state_after(frames).snapshot(200_000))["EffortDemand1"]
-    assert (view.kind, view.accepted, view.rejected) == (Kind.OTHER, 19, {"checksum": 1})
+    assert (view.kind, view.accepted, view.rejected) == (MessageRole.OTHER, 19, {"checksum": 1})
 
 
 def test_a_deviation_at_the_end_of_its_range_is_not_known():

@@ -13,7 +13,7 @@ from adhesion_can.offline.check import check
 from adhesion_can.sampling.equations import Sensors
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
-from adhesion_can.simulation.sensors import NoiseSettings
+from adhesion_can.simulation.sensors import SensorNoiseSettings
 
 CONFIG = load_configuration()
 
@@ -21,7 +21,7 @@ CONFIG = load_configuration()
 @cache
 def drive(seed, **noise):
     settings = RunSettings(
-        scenario_by_name("dry-wet-dry"), 12.0, seed=seed, noise=NoiseSettings(**noise)
+        scenario_by_name("dry-wet-dry"), 12.0, seed=seed, noise=SensorNoiseSettings(**noise)
     )
     frames = [f for step in Simulation(settings, load_database()).run() for f in step]
     return Block.from_frames(frames)

@@ -7,7 +7,7 @@ import pytest
 
 from adhesion_can.cli.main import main
 from adhesion_can.offline.plausibility import inspect_points
-from adhesion_can.offline.points import Points
+from adhesion_can.offline.points import MeasuredPoints
 from adhesion_can.sampling.noise import estimate_signal
 from adhesion_can.sampling.traces import Trace
 from tests.diagnosis.bad_logs import readings, write
@@ -24,7 +24,7 @@ def rows(standing, *, noise=0.0, braking=False, seed=1):
     dead = np.arange(N) < standing * N
     slip[dead] = -1.0 + noise * rng.random(int(dead.sum()))
     adhesion[dead] = -0.2 if braking else adhesion[dead]
-    return Points(slip, adhesion, table=False, name="axle 3")
+    return MeasuredPoints(slip, adhesion, table=False, name="axle 3")
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.0005])
@@ -48,7 +48,7 @@ def test_a_few_samples_at_rest_are_no_dead_sensor():
 
 def test_a_table_with_locked_wheels_is_no_matter():
     slip = rows(0.3).slip
-    assert not [one for one in inspect_points(Points(slip, 0.0 * slip)) if SAYS in one.what]
+    assert not [one for one in inspect_points(MeasuredPoints(slip, 0.0 * slip)) if SAYS in one.what]
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError
 from adhesion_can.offline.plausibility import inspect_points
-from adhesion_can.offline.points import Points
+from adhesion_can.offline.points import MeasuredPoints
 
 RNG = np.random.default_rng(8)
 SLIP = RNG.uniform(0.004, 0.12, 240) * np.where(np.arange(240) % 80 < 40, 1, -1)
@@ -17,7 +17,9 @@ ADHESION = np.sign(SLIP) * (0.44 * (1 - np.exp(-60 * np.abs(SLIP))) - 0.5 * np.a
 
 
 def said(slip, adhesion):
-    return [one for one in inspect_points(Points(slip, adhesion)) if "has no sign" in one.what]
+    return [
+        one for one in inspect_points(MeasuredPoints(slip, adhesion)) if "has no sign" in one.what
+    ]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.0005])

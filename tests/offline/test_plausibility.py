@@ -5,7 +5,7 @@ import pytest
 
 from adhesion_can.cli.main import main
 from adhesion_can.offline.plausibility import inspect_points, longest_run
-from adhesion_can.offline.points import Points
+from adhesion_can.offline.points import MeasuredPoints
 
 N = 600
 
@@ -25,7 +25,7 @@ def points(seed=1, *, table=True, **changes):
         "load": np.full(N, 245e3),
     }
     given |= {name: change(given[name]) for name, change in changes.items()}
-    return Points(**given, table=table)
+    return MeasuredPoints(**given, table=table)
 
 
 def stuck(values):
@@ -81,8 +81,8 @@ def test_slips_in_percent_are_seen_where_none_exceeds_one(seed):
     slip = 0.004 * rng.standard_normal(N)
     adhesion = 15.0 * slip + 0.01 * rng.standard_normal(N)
     measured = slip + 0.001 * rng.standard_normal(N)
-    assert inspect_points(Points(measured, adhesion)) == []
-    (finding,) = inspect_points(Points(100.0 * measured, adhesion))
+    assert inspect_points(MeasuredPoints(measured, adhesion)) == []
+    (finding,) = inspect_points(MeasuredPoints(100.0 * measured, adhesion))
     assert "slip=slip,unit=percent" in finding.fix
     assert finding.fatal
 
@@ -96,7 +96,7 @@ def test_large_slips_of_a_real_contact_are_no_percent(seed):
         size = np.abs(slip)
         adhesion = np.sign(slip) * peak * (1.0 - np.exp(-steepness * size))
         adhesion += 0.005 * rng.standard_normal(N)
-        assert inspect_points(Points(slip, adhesion)) == []
+        assert inspect_points(MeasuredPoints(slip, adhesion)) == []
 
 
 def test_a_load_that_may_be_of_two_units_is_told_with_both():
@@ -119,12 +119,12 @@ def test_slips_of_a_wheel_that_spins_are_no_percent(seed):
     rng = np.random.default_rng(seed)
     slip = np.exp(rng.uniform(np.log(0.02), np.log(6.0), N))
     adhesion = 0.2 * (1.0 - np.exp(-40.0 * slip)) + 0.01 * rng.standard_normal(N)
-    (finding,) = inspect_points(Points(slip, adhesion))
+    (finding,) = inspect_points(MeasuredPoints(slip, adhesion))
     assert "the wheel spins" in finding.what
     assert not finding.fatal
     # The same numbers as percent: at a tenth of a percent there is no adhesion yet.
     adhesion = 0.2 * (1.0 - np.exp(-0.4 * slip)) + 0.01 * rng.standard_normal(N)
-    (finding,) = inspect_points(Points(slip, adhesion))
+    (finding,) = inspect_points(MeasuredPoints(slip, adhesion))
     assert "unit=percent" in finding.fix
     assert finding.fatal
 
@@ -154,14 +154,14 @@ def late(seed, rows, step_s=0.05):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_slip_late_by_half_a_swing_is_not_called_reversed(seed):
     slip, adhesion, t_us = late(seed, 20)
-    (finding,) = inspect_points(Points(slip, adhesion, t_us))
+    (finding,) = inspect_points(MeasuredPoints(slip, adhesion, t_us))
     assert "opposite signs" in finding.what
     assert "the slip may lag the force by 1 s" in finding.what
     assert finding.fix.startswith("shift the late one")
     assert "sign=-1" not in finding.fix
     # Turned and in step: its sign explains all, and nothing is late.
     slip, adhesion, t_us = late(seed, 0)
-    (finding,) = inspect_points(Points(-slip, adhesion, t_us))
+    (finding,) = inspect_points(MeasuredPoints(-slip, adhesion, t_us))
     assert "sign=-1" in finding.fix
     assert "late" not in finding.sentence
 
@@ -177,19 +177,19 @@ def test_a_border_of_two_surfaces_is_no_late_force(seed):
     adhesion = level * (1 - np.exp(-60 * slip)) + 0.005 * rng.standard_normal(N)
     slip = slip + 0.0005 * rng.standard_normal(N)
     t_us = np.round(t * 1e6).astype(np.int64)
-    found = inspect_points(Points(slip, adhesion, t_us))
+    found = inspect_points(MeasuredPoints(slip, adhesion, t_us))
     assert not [one for one in found if one.fatal]
 
 
 def test_coasting_and_small_slips_have_no_sign():
     """Noise around zero is of either sign, and says nothing."""
     rng = np.random.default_rng(4)
-    idle = Points(0.0005 * rng.standard_normal(N), 0.01 * rng.standard_normal(N))
+    idle = MeasuredPoints(0.0005 * rng.standard_normal(N), 0.01 * rng.standard_normal(N))
     assert inspect_points(idle) == []
 
 
 def test_a_few_rows_are_not_judged():
-    assert inspect_points(Points(np.full(5, 7.0), np.full(5, 50.0))) == []
+    assert inspect_points(MeasuredPoints(np.full(5, 7.0), np.full(5, 50.0))) == []
 
 
 def test_the_longest_run_is_one_in_which_the_other_column_moves():

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.errors import TableError
-from adhesion_can.recordings.tables.cells import Mark, decimal_marks, mark_of, number_column
+from adhesion_can.recordings.tables.cells import NumberMark, decimal_marks, mark_of, number_column
 from adhesion_can.recordings.tables.choice import parse_choice
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
 from adhesion_can.recordings.tables.times import read_times
@@ -160,7 +160,7 @@ def test_a_mark_is_never_taken_for_the_other(value, decimals):
     """Whatever a number is, what its marks say must be possible for how it was written."""
     for point, thousands in ((".", ","), (",", "."), (".", ""), (",", "")):
         mark = mark_of(number(value, decimals, point=point, thousands=thousands))
-        wrong = Mark.COMMA if point == "." else Mark.POINT
+        wrong = NumberMark.COMMA if point == "." else NumberMark.POINT
         assert mark is not None
         assert wrong not in mark
 

@@ -3,6 +3,7 @@
 import io
 import json
 from dataclasses import replace
+from functools import partial
 from math import inf, nan
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from adhesion_can.cli.common import finite
+from adhesion_can.cli.outputs import finite
 from adhesion_can.diagnosis.cause_result import (
     Cause,
     ClosestExplanation,
@@ -22,17 +23,17 @@ from adhesion_can.diagnosis.cause_result import (
     ParameterValue,
     SizeLevel,
 )
-from adhesion_can.diagnosis.evidence import ChannelEvidence, Evidence, Untested
+from adhesion_can.diagnosis.evidence import ChannelEvidence, EffectEvidence, Untested
 from adhesion_can.diagnosis.formatting import measured
-from adhesion_can.diagnosis.plot_result import CurveData, PredictionPlot, Profile, SimulationPlot
-from adhesion_can.diagnosis.result import (
-    Diagnosis,
-    Gain,
-    GainMethod,
-    InputFile,
-    SegmentResult,
-    Verdict,
+from adhesion_can.diagnosis.gain_result import Gain, GainMethod
+from adhesion_can.diagnosis.plot_result import (
+    CurveData,
+    PlotData,
+    PredictionPlot,
+    Profile,
+    SimulationPlot,
 )
+from adhesion_can.diagnosis.result import Diagnosis, InputFile, SegmentResult, Verdict
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
 from adhesion_can.physics.effects.empirical import Empirical
@@ -111,8 +112,10 @@ def named():
             (("drive one.log", 40.0, 60.0), ("drive one.log", 120.0, 140.0)),
         ),
         evidence=tuple(
-            Evidence(e.id, e.form, 2 * (e.id == "wheel_radius"), 9.0 - k / 3, min(0.001 * 3**k, 1),
-                     0.03 + 0.9 * k / len(EFFECTS), ("slow_drift", 0.71), 33.0 / (k + 1))
+            EffectEvidence(
+                e.id, e.form, 2 * (e.id == "wheel_radius"), 9.0 - k / 3, min(0.001 * 3**k, 1),
+                0.03 + 0.9 * k / len(EFFECTS), ("slow_drift", 0.71), 33.0 / (k + 1),
+            )
             for k, e in enumerate(EFFECTS)
         ),
         channels=(
@@ -143,8 +146,10 @@ def named():
             sizes_of("wheelset_inertia", "error", "speed", 812.0, (300.0, 1400.0), refutes=True),
         ),
         noise=NoiseResult(0.0122, 0.0120, 0.0122 / 0.0120, exceeds=False, leaves_more=False),
-        simulation_plots=(simulation_plot(rng, 2), simulation_plot(rng, 5)),
-        curves=CurveData(slip, curve * 0.9 + 2 * noise[0], slip, curve + noise[1]),
+        draw=drawn(
+            (simulation_plot(rng, 2), simulation_plot(rng, 5)),
+            curves=CurveData(slip, curve * 0.9 + 2 * noise[0], slip, curve + noise[1]),
+        ),
         samples={"drive one.log": 36000, "other.log": 24000},
         lost={"below v_min": 120, "slip out of range": 0},
     )  # fmt: skip
@@ -158,6 +163,11 @@ def profile(rng):
     return Profile(
         "speed", "m/s", at, before, 0.001 * rng.standard_normal(14), std, std, 0.04 - 0.0031 * at
     )
+
+
+def drawn(*plots, **more):
+    """What draws these plots."""
+    return partial(PlotData, *plots, **more)
 
 
 def simulation_plot(rng, axle):
@@ -205,11 +215,7 @@ def unexplained():
 
 def empty():
     """A diagnosis of data that allow none."""
-    return Diagnosis(
-        verdict=Verdict.NOTHING, causes=(), channel=None, wrong=(), gain=None, evidence=(),
-        channels=(), needed=None, untested=(Untested("everything", "too few rows"),), surfaces=(),
-        model=None, profile=None, simulation_plots=(), curves=None,
-    )  # fmt: skip
+    return Diagnosis(verdict=Verdict.NOTHING, untested=(Untested("everything", "too few rows"),))
 
 
 MADE = {"named": named, "nothing": nothing, "unexplained": unexplained, "empty": empty}
@@ -448,7 +454,7 @@ def test_a_recording_that_was_kept_back_for_want_of_others_is_told_as_such():
 
 def test_sizes_by_environment_are_drawn_with_their_intervals():
     made = page(of_files(named(), SOURCES), PROVENANCE)
-    parts = next(s for s in made.sections if s.title == "One size everywhere?").parts
+    parts = made.sections["One size everywhere?"]
     steady, varying = (part for part in parts if isinstance(part, Figure))
     assert [trace["name"] for trace in steady.data] == ["sizes that agree"]
     (trace,) = varying.data
@@ -498,7 +504,8 @@ def test_every_section_is_there_and_nothing_is_loaded(kind):
 )
 def test_figures_are_plotlys(kind, count):
     found = MADE[kind]()
-    parts = [p for s in page(of_files(found, SOURCES), PROVENANCE).sections for p in s.parts]
+    made = page(of_files(found, SOURCES), PROVENANCE)
+    parts = [part for section in made.sections.values() for part in section]
     figures = [part for part in parts if isinstance(part, Figure)]
     assert len(figures) == count
     for figure in figures:
@@ -533,7 +540,9 @@ def test_what_is_told_is_never_markup():
         named(), wrong=(NASTY,), needed=NASTY, untested=(Untested(NASTY, NASTY),),
         channels=(ChannelEvidence(NASTY, NASTY, 0.5, 0.1),), lost={NASTY: 3},
         profile=replace(named().profile, channel=NASTY),
-        simulation_plots=(replace(named().simulation_plots[0], recording=NASTY),),
+        draw=drawn(
+            (replace(named().plots.simulations[0], recording=NASTY),), curves=named().curves
+        ),
         environments=(sizes_of(NASTY, NASTY, NASTY, 1.0, (1.0, 2.0), refutes=True),),
         closest=(replace(named().closest[0], refuted_by=NASTY, title=NASTY),),
     )  # fmt: skip
@@ -545,9 +554,8 @@ def test_what_is_told_is_never_markup():
 
 
 def test_the_whisker_is_the_interval_of_the_gain():
-    sections = page(of_files(named(), SOURCES), {}).sections
-    gain = next(section for section in sections if section.title == "Gain")
-    figure = next(part for part in gain.parts if isinstance(part, Figure))
+    gain = page(of_files(named(), SOURCES), {}).sections["Gain"]
+    figure = next(part for part in gain if isinstance(part, Figure))
     (bars,) = figure.data
     before, after, _ = bars["x"]
     more, less = bars["error_x"]["array"][1], bars["error_x"]["arrayminus"][1]
@@ -567,7 +575,8 @@ def test_long_series_are_thinned_and_gaps_stay():
         )
     }  # fmt: skip
     series["adhesion"][31234] = 0.77
-    found = replace(named(), simulation_plots=(replace(long, time_s=t, **series),))
+    plots = replace(named().plots, simulations=(replace(long, time_s=t, **series),))
+    found = replace(named(), draw=lambda: plots)
     text = render(page(of_files(found, SOURCES), PROVENANCE))
     shown = [f for f in Elements(text).figures() if len(f["data"]) == 8]
     assert len(shown) == 1
@@ -650,10 +659,25 @@ def test_a_leap_of_the_abscissa_is_a_gap():
 def test_a_table_shows_measured_against_predicted_adhesion():
     measured = np.linspace(-0.3, 0.3, 50)
     plot = PredictionPlot(measured, 0.8 * measured, measured + 0.01, 500)
-    made = page(replace(named(), simulation_plots=(), prediction=plot), PROVENANCE)
-    (part,) = next(s for s in made.sections if s.title == "Measured and simulated").parts
+    made = page(replace(named(), draw=drawn(prediction=plot)), PROVENANCE)
+    (part,) = made.sections["Measured and simulated"]
     assert "50 of 500 rows" in part.caption
     points = [trace for trace in part.data if trace["mode"] == "markers"]
     rmse = 0.2 * np.sqrt(np.mean(measured**2))
     assert [trace["name"].split("RMSE ")[1] for trace in points] == [f"{rmse:.3g}", "0.01"]
     go.Figure(part.data, part.layout)
+
+
+def test_only_a_page_computes_what_it_draws():
+    drawn_for = []
+
+    def draw():
+        drawn_for.append("page")
+        return PlotData()
+
+    found = of_files(replace(named(), draw=draw), SOURCES)
+    found.to_dict()
+    printed(found)
+    assert not drawn_for
+    page(found, PROVENANCE)
+    assert drawn_for == ["page"]

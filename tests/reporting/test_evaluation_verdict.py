@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from adhesion_can.diagnosis.gain_result import Comparison
 from adhesion_can.diagnosis.model_worth import describe_gain
-from adhesion_can.diagnosis.result import Comparison
 from adhesion_can.reporting.evaluation import verdict
 
 PLAIN = 0.02

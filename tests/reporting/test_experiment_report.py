@@ -17,7 +17,7 @@ from adhesion_can.reporting.experiment import csv_rows, document, merit_table, p
 from adhesion_can.reporting.experiment_figures import figures
 from adhesion_can.reporting.experiment_style import PAPERS_OWN, SHOWN
 from adhesion_can.reporting.page import render
-from adhesion_can.reporting.text import console, table
+from adhesion_can.reporting.text import FittingTable, console
 
 SMALL = {n: replace(e, blocks=1 if e.ramp else 4, block=40) for n, e in EXPERIMENTS.items()}
 NAMES = (
@@ -52,7 +52,7 @@ def replaced(made, name, **changes):
 
 def printed(made):
     shown, out = merit_table(made), io.StringIO()
-    console(out).print(table(shown.caption, shown.columns, shown.rows))
+    console(out).print(FittingTable(shown.caption, shown.columns, shown.rows))
     return out.getvalue()
 
 

@@ -30,11 +30,11 @@ from adhesion_can.errors import InputError
 from adhesion_can.extras import install_extra
 from adhesion_can.reporting.export import (
     SUFFIXES,
-    Column,
     Field,
+    FieldColumn,
     Group,
+    GroupRows,
     Raw,
-    Rows,
     file_target,
     open_recording,
     open_table,
@@ -245,10 +245,10 @@ def test_the_times_of_mf4_rise_within_what_is_written_at_once(tmp_path_factory, 
     group = Group("M", (Field("place"), Field("even", optional=True)))
     places = np.arange(count)
     numbers = places.astype(float)
-    columns = [Column(numbers), Column(numbers, places % 2 == 1)]
+    columns = [FieldColumn(numbers), FieldColumn(numbers, places % 2 == 1)]
     with open_recording(file_target(path, "out"), {}) as writer:
         writer.begin(0)
-        writer.write([Rows(group, places, np.array(seconds) * 10**9, columns)])
+        writer.write([GroupRows(group, places, np.array(seconds) * 10**9, columns)])
     _, held = mf4_columns(path)
     order = sorted(range(count), key=lambda row: seconds[row])  # stable
     assert held["M", "place"][0].tolist() == [seconds[row] for row in order]
@@ -425,8 +425,8 @@ FIELDS = (
 )
 T_NS = np.array([5_000_000_000, 5_020_000_000, 5_040_000_000])
 TABLE = [
-    Column(np.array([0, 1, 5])),
-    Column(np.array([np.nan, 0.1234567891234, 0.3]), np.array([True, False, False])),
+    FieldColumn(np.array([0, 1, 5])),
+    FieldColumn(np.array([np.nan, 0.1234567891234, 0.3]), np.array([True, False, False])),
 ]
 
 
@@ -434,7 +434,7 @@ def table(path, parts):
     with open_table(path, FIELDS, ORIGIN) as writer:
         for part in parts:
             columns = [
-                Column(c.values[part], None if c.missing is None else c.missing[part])
+                FieldColumn(c.values[part], None if c.missing is None else c.missing[part])
                 for c in TABLE
             ]
             writer.write(T_NS[part], columns)
@@ -501,7 +501,7 @@ def test_a_raw_value_comes_back_from_its_number(raws, scale, steps, sign):
     raw = Raw(np.dtype("u4"), sign * scale, steps * scale)
     numbers = np.array(raws) * raw.scale + raw.offset
     field = Field("x", raw=raw)
-    stored, _ = _stored(field, Column(numbers))
+    stored, _ = _stored(field, FieldColumn(numbers))
     assert stored.tolist() == raws
     again = from_dict(_conversion(field)).convert(stored)
     assert again.tolist() == numbers.tolist()
@@ -513,6 +513,8 @@ def test_floats_read_back_exactly(tmp_path_factory, numbers):
     group = Group("M", (Field("x"),))
     places = np.arange(len(numbers))
     with open_recording(file_target(path, "out"), {}) as writer:
-        writer.write([Rows(group, places, places, [Column(np.array(numbers, dtype=float))])])
+        writer.write(
+            [GroupRows(group, places, places, [FieldColumn(np.array(numbers, dtype=float))])]
+        )
     read = [float(row["M.x"]) for row in csv_rows(path)]
     assert list(map(repr, read)) == list(map(repr, numbers))  # nan and -0.0, too

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from adhesion_can.reporting.text import table
+from adhesion_can.reporting.text import FittingTable
 from adhesion_can.result_text import TimeScale
 
 WORDS = st.from_regex(r"[a-z0-9.]{1,14}", fullmatch=True)
@@ -28,7 +28,7 @@ def printed(made, width):
 ), st.integers(40, 120))  # fmt: skip
 def test_every_cell_stands_there_whole_at_any_width(content, width):
     columns, rows = content
-    lines = printed(table("a title", columns, rows), width).splitlines()
+    lines = printed(FittingTable("a title", columns, rows), width).splitlines()
     assert max(map(len, lines)) <= width
     words = re.split(r"\s+", " ".join(lines))
     for cell in (*columns, *(cell for row in rows for cell in row)):
@@ -39,8 +39,8 @@ def test_every_cell_stands_there_whole_at_any_width(content, width):
 def test_what_fits_is_one_table_and_what_does_not_goes_on_below_with_its_first_column():
     columns = ("time s", *(f"column{i}" for i in range(8)))
     rows = [("0.0 .. 6.0", *("0.3729 ± 0.0003" for _ in range(8)))]
-    assert printed(table("wide", columns, rows), 200).count("time s") == 1
-    narrow = printed(table("wide", columns, rows), 80)
+    assert printed(FittingTable("wide", columns, rows), 200).count("time s") == 1
+    narrow = printed(FittingTable("wide", columns, rows), 80)
     assert narrow.count("time s") == narrow.count("0.0 .. 6.0") == 2
     assert narrow.count("wide") == 1
 

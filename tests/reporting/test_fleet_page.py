@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from adhesion_can.fleet.overview import Failure, FleetOverview
+from adhesion_can.fleet.page.build_page import fleet_page
+from adhesion_can.fleet.page.words import left_out
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
-from adhesion_can.reporting.fleet_page import fleet_page
-from adhesion_can.reporting.fleet_words import left_out
 from adhesion_can.reporting.page import render, write_page
 from tests.fleet.synthetic_overview import synthetic_overview
 from tests.fleet.synthetic_units import Fleet
@@ -24,8 +24,9 @@ def overview():
 
 def cells(made, title):
     """Texts of all cells of a section's tables."""
-    (section,) = [one for one in made.sections if one.title == title]
-    return [cell for part in section.parts for row in getattr(part, "rows", ()) for cell in row]
+    return [
+        cell for part in made.sections[title] for row in getattr(part, "rows", ()) for cell in row
+    ]
 
 
 def test_the_page_is_drawn_wide_and_narrow_light_and_dark(browser, overview, tmp_path):
@@ -58,16 +59,14 @@ def test_failed_recordings_are_listed_with_their_reasons(overview):
 def test_reasons_are_counted_without_the_names_of_files_and_with_the_kind_of_an_error(overview):
     bug = Failure("u", "V01", "KeyError: 'x' (core.py:12)")
     made = fleet_page(replace(overview, failures=(bug, *overview.failures), failed=3), {})
-    (section,) = [one for one in made.sections if one.title == "Failed recordings"]
-    said = section.parts[0].text
+    said = made.sections["Failed recordings"][0].text
     assert "holds no known frame (check the database, or the bus of the recording): 2" in said
     assert "KeyError: 'x' (core.py:12): 1" in said
 
 
 def test_a_fleet_without_positions_says_how_to_have_a_map():
     made = fleet_page(synthetic_overview(8, positions=False), {})
-    (section,) = [one for one in made.sections if one.title == "Map"]
-    assert "latitude_deg" in section.parts[0].text
+    assert "latitude_deg" in made.sections["Map"][0].text
 
 
 def test_an_empty_fleet_has_a_page():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.api.configuration import load_configuration
-from adhesion_can.calibration.fit import AxleRadius, Quantity
+from adhesion_can.calibration.fit import AxleRadius, CalibratedQuantity
 from adhesion_can.cli.main import build_parser
 from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
 from adhesion_can.diagnosis.next_drive.result import NextDrive
@@ -295,7 +295,7 @@ class Calibrated:
     def __init__(self, *ratios, std=1e-5):
         self.systematic_percent = 0.09
         self.axles = [
-            AxleRadius(axle, 0.625, Quantity(0.625 * ratio, std, (0.0, 1.0)), 60.0, 9)
+            AxleRadius(axle, 0.625, CalibratedQuantity(0.625 * ratio, std, (0.0, 1.0)), 60.0, 9)
             for axle, ratio in enumerate(ratios, start=1)
         ]
 

@@ -15,7 +15,6 @@ from adhesion_can.reporting.page import (
     Figure,
     Grid,
     Page,
-    Section,
     Table,
     Text,
     render,
@@ -60,7 +59,7 @@ def page(*parts, **changes):
         "title": "A title",
         "lead": "What was done.",
         "verdict": ["It came out."],
-        "sections": [Section("A section", parts)],
+        "sections": {"A section": parts},
         "provenance": {"version": "1.2.3"},
     }
     return Page(**(told | changes))

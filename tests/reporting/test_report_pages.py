@@ -5,6 +5,7 @@ import re
 import webbrowser
 from base64 import b64decode
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -122,6 +123,10 @@ MADE = {
 WIDE, NARROW = (1280, False), (420, True)
 
 
+def first_section(made):
+    return dict(islice(made.sections.items(), 1))
+
+
 def look(browser, path, made, audits=(NARROW,), ways=(WIDE, NARROW)):
     """Open a page wide and light, and narrow and dark; each is drawn whole and without a word."""
     for width, dark in ways:
@@ -202,7 +207,7 @@ def test_the_figures_of_an_hour_hold_its_extremes(hour):
 
 def test_a_page_is_printed_light_and_within_its_paper(browser, hour, tmp_path):
     path = tmp_path / "page.html"
-    write_page(replace(hour, sections=hour.sections[:1]), path)
+    write_page(replace(hour, sections=first_section(hour)), path)
     browser.open(path, 1280, dark=True)
     browser.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     widths = browser.evaluate(
@@ -220,7 +225,7 @@ def test_a_page_is_printed_light_and_within_its_paper(browser, hour, tmp_path):
 def test_pictures_are_written_one_a_figure_and_twice_the_same(replayed, hour, tmp_path):
     written = sorted(replayed.parent.glob("r*.svg"))
     assert len(written) == len(FiguresOfAFile(replayed).figures)
-    few = Page("t", "l", [], hour.sections[:1], {})
+    few = Page("t", "l", [], first_section(hour), {})
     for form, begin in (("svg", b"<?xml"), ("png", b"\x89PNG")):
         first = write_pictures(few, tmp_path / f"a.{form}")
         assert [path.name for path in first] == [f"a.{form}", f"a-2.{form}"]

@@ -14,7 +14,7 @@ from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.charts import DARK
 from adhesion_can.reporting.drive.signal_panels import signal_panels, signal_table
-from adhesion_can.reporting.page import Page, Section, write_page
+from adhesion_can.reporting.page import Page, write_page
 from adhesion_can.reporting.time_panels import AXLE_COLOURS, Panel, line, panels_figure
 from adhesion_can.sampling.drive_signals import SLIP, DriveSignals
 from tests.reporting.test_page import Elements
@@ -86,7 +86,7 @@ def test_the_table_of_signals_has_units_and_exact_ranges():
 
 def written(folder, figure):
     path = folder / "page.html"
-    write_page(Page("t", "l", [], [Section("s", [figure])], {"command": "none"}), path)
+    write_page(Page("t", "l", [], {"s": [figure]}, {"command": "none"}), path)
     return path
 
 

@@ -23,11 +23,11 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.plant import Plant
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
-from adhesion_can.simulation.sensors import NoiseSettings
+from adhesion_can.simulation.sensors import SensorNoiseSettings
 from adhesion_can.simulation.surroundings import Surroundings, TrackCurve, Wave
 
 DATABASE = load_database()
-SILENT = NoiseSettings(0.0, 0.0, 0.0, 0.0)
+SILENT = SensorNoiseSettings(0.0, 0.0, 0.0, 0.0)
 DRY = (0.40, 60.0, 0.30)
 DT = 0.002
 # All that changes in minutes changes in seconds here.

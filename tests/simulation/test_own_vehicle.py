@@ -19,7 +19,7 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import DriveSettings
 from adhesion_can.simulation.own_vehicle import scenario_of
 from adhesion_can.simulation.scenarios import SCENARIOS
-from adhesion_can.simulation.sensors import NoiseSettings
+from adhesion_can.simulation.sensors import SensorNoiseSettings
 
 AXLES = (1, 2, 3, 4)
 VEHICLE = """
@@ -80,7 +80,7 @@ def test_the_default_locomotive_runs_the_scenarios_as_they_are():
     for scenario in SCENARIOS:
         settings = build_run_settings(scenario.name, 1.0, 1, (), config)
         assert settings.scenario == scenario
-        assert settings.noise == NoiseSettings()
+        assert settings.noise == SensorNoiseSettings()
         assert settings.drive == replace(DriveSettings(), braking_max=DriveSettings().effort_max)
         assert settings.notes == ()
         assert settings.scenario.profile.help(40.0, 3.0) == 0.0

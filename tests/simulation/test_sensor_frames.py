@@ -10,10 +10,10 @@ from adhesion_can.bus.database import load_database
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
-from adhesion_can.simulation.sensors import NoiseSettings, PlantState, Sensors
+from adhesion_can.simulation.sensors import PlantState, SensorNoiseSettings, SimulatedSensors
 
 DATABASE = load_database()
-SILENT = NoiseSettings(0.0, 0.0, 0.0, 0.0)
+SILENT = SensorNoiseSettings(0.0, 0.0, 0.0, 0.0)
 CYCLE_MS = {
     0x101: 10, 0x102: 10, 0x111: 20, 0x121: 10, 0x122: 10, 0x131: 200, 0x132: 200, 0x141: 1000,
     0x151: 200,
@@ -150,7 +150,7 @@ def state(omega, v, effort, load, gradient=0.0):
 
 
 def one_round(before, after=None, noise=SILENT, rng=None, until=2_000):
-    sensors = Sensors(DATABASE, noise, rng or np.random.default_rng(1))
+    sensors = SimulatedSensors(DATABASE, noise, rng or np.random.default_rng(1))
     frames = sensors.due(after or before, before, 0, until)
     return {name: value for f in frames for name, value in decoded(f).items()}, frames
 
@@ -194,7 +194,7 @@ def test_values_beyond_the_range_saturate_below_not_available():
 
 def test_speeds_are_magnitudes_under_noise():
     rng = np.random.default_rng(3)
-    loud = NoiseSettings(wheel_speed=1.0, vehicle_speed=1.0)
+    loud = SensorNoiseSettings(wheel_speed=1.0, vehicle_speed=1.0)
     standing = state(np.zeros(6), 0.0, np.zeros(6), np.full(6, 2e5))
     for _ in range(20):
         values, _ = one_round(standing, noise=loud, rng=rng)
@@ -203,8 +203,8 @@ def test_speeds_are_magnitudes_under_noise():
 
 
 def test_noise_is_white_and_of_its_stated_size():
-    noise = NoiseSettings(0.05, 0.1, 2450.0, 800.0)
-    sensors = Sensors(DATABASE, noise, np.random.default_rng(4))
+    noise = SensorNoiseSettings(0.05, 0.1, 2450.0, 800.0)
+    sensors = SimulatedSensors(DATABASE, noise, np.random.default_rng(4))
     calm = state(np.full(6, 20.0), 12.0, np.full(6, 4e4), np.full(6, 2.4e5))
     seen = defaultdict(list)
     for k in range(20_000):

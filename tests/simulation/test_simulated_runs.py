@@ -22,10 +22,10 @@ from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.simulation.drive import Pattern
 from adhesion_can.simulation.run import RunSettings, Simulation, axles_behind
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
-from adhesion_can.simulation.sensors import NoiseSettings
+from adhesion_can.simulation.sensors import SensorNoiseSettings
 
 DATABASE = load_database()
-SILENT = NoiseSettings(0.0, 0.0, 0.0, 0.0)
+SILENT = SensorNoiseSettings(0.0, 0.0, 0.0, 0.0)
 NAMES = [s.name for s in SCENARIOS]
 CONTRACT_SCENARIOS = {"dry", "wet", "greasy", "dry-wet-dry", "dry-wet-greasy-dry", "sweep"}
 BY_NAME = {surface.name: surface for surface in RAIL}
@@ -126,7 +126,7 @@ def test_truth_has_the_contracts_keys_and_true_values():
         {"effect": "falling_friction", "form": "burckhardt", "parameters": {"c4": 0.2}}
     ]
     assert truth["vehicle"]["wheel_radius"] == [0.625] * 6
-    assert truth["noise"]["effort"] == NoiseSettings().effort
+    assert truth["noise"]["effort"] == SensorNoiseSettings().effort
     assert [s["name"] for s in truth["surfaces"]] == ["dry", "wet", "greasy", "dry"]
     edges = [0.0]
     for s in truth["surfaces"]:

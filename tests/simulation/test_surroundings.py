@@ -15,11 +15,11 @@ from adhesion_can.simulation.drive import Pattern
 from adhesion_can.simulation.plant import GradientProfile, Plant
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
-from adhesion_can.simulation.sensors import NoiseSettings
+from adhesion_can.simulation.sensors import SensorNoiseSettings
 from adhesion_can.simulation.surroundings import (
     DEFAULT_CONDITIONS,
     TRANSITION_M,
-    Conditions,
+    SurroundingConditions,
     Surroundings,
     TrackCurve,
     Wave,
@@ -71,7 +71,7 @@ def test_sand_is_strewn_at_the_end_of_each_period():
 
 
 def test_conditions_go_by_the_names_that_samples_carry():
-    there = Conditions(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    there = SurroundingConditions(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     values = there.covariates(7.0)
     assert values == {
         "ambient_temperature_degC": 1.0, "rail_temperature_degC": 2.0,
@@ -100,7 +100,7 @@ def test_frames_carry_the_surroundings_of_their_time_and_place():
         curves=(TrackCurve(90.0, 300.0, 5.0), TrackCurve(100.0, -400.0, 5.0)),
     )
     scenario = replace(SWEEP, surroundings=quick)
-    settings = RunSettings(scenario, 12.0, noise=NoiseSettings(0.0, 0.0, 0.0, 0.0))
+    settings = RunSettings(scenario, 12.0, noise=SensorNoiseSettings(0.0, 0.0, 0.0, 0.0))
     simulation = Simulation(settings, DATABASE)
     frames, places = [], [(0, 0.0)]
     for step in simulation.run():

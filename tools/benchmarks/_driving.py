@@ -13,7 +13,7 @@ from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
-from adhesion_can.simulation.sensors import NoiseSettings
+from adhesion_can.simulation.sensors import SensorNoiseSettings
 
 DRIVE_S = 600.0
 SPEEDS = (7.5, 14.0)
@@ -68,7 +68,7 @@ def driven(task):
     rng = np.random.default_rng(seed)
     factor = float(np.exp(rng.uniform(*np.log(NOISE)))) if rough else 1.0
     scenario = replace(scenario_by_name("sweep"), speed=float(rng.uniform(*SPEEDS)))
-    nominal = NoiseSettings()
+    nominal = SensorNoiseSettings()
     noise = replace(
         nominal,
         wheel_speed=factor * nominal.wheel_speed,

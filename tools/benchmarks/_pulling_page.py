@@ -5,7 +5,7 @@ from _pulling_runs import MAKERS, OURS
 from _rival_controllers import Oracle
 
 from adhesion_can.reporting.charts import DARK, panel_layout, place
-from adhesion_can.reporting.page import Figure, Page, Section, Table
+from adhesion_can.reporting.page import Figure, Page, Table
 from adhesion_can.version import __version__
 
 COLOURS = dict(
@@ -38,11 +38,11 @@ def make_page(numbers, found, report, seed):
     verdict = [f"{met} of {len(report.checks)} goals met."]
     verdict += [f"Missed: {check['what']}, {check['value']}." for check in report.checks
                 if not check["met"]]  # fmt: skip
-    sections = [
-        Section("Figures", [_table(names, found)]),
-        Section("Goals", [_goals(report)]),
-        *(Section(name[0].upper() + name[1:], [_figure(name, found)]) for name in names),
-    ]
+    sections = {
+        "Figures": [_table(names, found)],
+        "Goals": [_goals(report)],
+        **{name[0].upper() + name[1:]: [_figure(name, found)] for name in names},
+    }
     return Page(
         "Creep control in closed loop",
         "The reference creep controller beside others on the same rails, by the frames of one bus.",

@@ -6,7 +6,7 @@ interpolated to its stamps. Rows of one axle are contiguous, in the order of the
 """
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import NamedTuple
@@ -211,3 +211,8 @@ class DriveData:
     def speed_error(self) -> SpeedError:
         """Error of the vehicle speed that all axles share."""
         return self.kinematics.speed_error
+
+
+def observed_column(drives: Iterable[DriveData], name: str) -> Array:
+    """One quantity of `ContactObservation` by perfect instruments, in all rows; shape (n,)."""
+    return np.concatenate([getattr(drive.observe(), name) for drive in drives])

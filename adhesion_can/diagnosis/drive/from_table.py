@@ -96,7 +96,7 @@ def _is_force_derived(samples: Samples) -> bool:
         find_derived_force(samples.t_us[own], samples.speed[own], force[own])
         for own in (samples.axle == axle for axle in np.unique(samples.axle))
     )
-    return any(one is not None for one in found)
+    return any(table is not None for table in found)
 
 
 def _number_axles(axle: NDArray[np.int64]) -> NDArray[np.int64]:

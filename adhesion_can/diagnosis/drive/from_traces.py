@@ -97,7 +97,7 @@ def build_drive_data_from_traces(
         has_load=len(signals.loads) == len(signals.wheels),
         first_us=origin,
         lost=dict(lost),
-        user_channels=tuple(one for one in channels if one.name in covariates),
+        user_channels=tuple(channel for channel in channels if channel.name in covariates),
     )
 
 

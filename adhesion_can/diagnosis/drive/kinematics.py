@@ -162,7 +162,7 @@ class SignalKinematics:
         """Noise of the effort readings, N, of all axles together."""
         return self._signals.effort_noise
 
-    @property
+    @cached_property
     def cycle_s(self) -> float:
         """Longest time between two readings of a signal, s, median of each signal."""
         s = self._signals
@@ -195,6 +195,11 @@ class SignalKinematics:
             return None
         at = (np.interp(self._t_s, one.t_s, one.value) for _, one in sorted(smoothed.items()))
         return np.stack(list(at), axis=1)
+
+    @cached_property
+    def _rows(self) -> Mapping[int, NDArray[np.int64]]:
+        """Indices of the rows of each axle that has a wheel speed."""
+        return {axle: np.flatnonzero(self._axles == axle) for axle in self._signals.wheels}
 
     @cached_property
     def _turned(self) -> Mapping[int, Array]:
@@ -240,17 +245,16 @@ class SignalKinematics:
 
     def _interpolate(self, speed_delay: float, effort_delay: float) -> Kinematics:
         t, s = self._t_s - effort_delay, self._signals
-        columns = np.empty((4, len(t)))
-        wheel_std = np.empty(len(t))
+        wheel_speed, wheel_accel, load, wheel_std = np.empty((4, len(t)))
         for axle, wheel in s.wheels.items():
-            rows = self._axles == axle
+            rows = self._rows[axle]
             at = t[rows]
-            columns[0, rows] = np.interp(at, wheel.t_s, wheel.value)
-            columns[1, rows] = np.interp(at, wheel.t_s, wheel.rate)
-            columns[2, rows] = np.interp(at + speed_delay, s.speed.t_s, s.speed.value)
-            columns[3, rows] = s.compute_load(axle, at)
+            wheel_speed[rows] = np.interp(at, wheel.t_s, wheel.value)
+            wheel_accel[rows] = np.interp(at, wheel.t_s, wheel.rate)
+            load[rows] = s.compute_load(axle, at)
             wheel_std[rows] = s.radius[axle - 1] * wheel.std
-        return Kinematics(columns[0], columns[1], columns[2], columns[3], wheel_std)
+        speed = np.interp(t + speed_delay, s.speed.t_s, s.speed.value)
+        return Kinematics(wheel_speed, wheel_accel, speed, load, wheel_std)
 
 
 class TableKinematics:
@@ -274,7 +278,7 @@ class TableKinematics:
         self._axles, self._t_s, self._columns = axles, t_s, columns
         self.high_pass: Mapping[int, list[tuple[Array, Array]]] = {}
 
-    @property
+    @cached_property
     def cycle_s(self) -> float:
         """Time between two rows of an axle, s, median."""
         return median_step(self._t_s, self._axles)

@@ -294,7 +294,7 @@ def predict_speed_from_efforts(
         return None
     total = np.sum([np.interp(t, effort.t_s, effort.value) for effort in efforts], axis=0)
     # Integrated at their own stamps: the efforts go on in a gap of the speed.
-    impulse = np.sum([np.interp(t, one.t_s, integrate(one)) for one in efforts], axis=0)
+    impulse = np.sum([np.interp(t, effort.t_s, integrate(effort)) for effort in efforts], axis=0)
     travelled = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
     dv = _second_difference(v, step)
     square = float(dv @ dv)

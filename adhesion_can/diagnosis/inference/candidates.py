@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.drive_data import DriveData, observed_column
 from adhesion_can.diagnosis.drive.kinematics import median_step
 from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.formatting import effect_name
@@ -30,17 +30,7 @@ from adhesion_can.physics.instrument_laws import Need
 from adhesion_can.physics.lag_states import PAUSE_S
 from adhesion_can.physics.parameter import SearchStart, Wheelset
 
-LEAST_ROWS, LEAST_BLOCKS = 400, 9
-"""Rows that decide, and blocks of time, without which there is no diagnosis."""
-LEAST_POINTS = 60
-"""Independent points that decide, without which there is no diagnosis."""
-NOTICED = 10.0
-"""Increase of twice the log likelihood by one parameter from which it is hardly chance."""
-LEAST_RANGE = 0.004
-"""Range of |λ| (5 to 95 % of the rows) below which there is no curve in the data."""
-LEAST_ADHESION = 0.01
-"""Range of |μ| (5 to 95 % of the rows) below which there is no curve in the data."""
-IMITATED = 0.995
+UNTESTABLE_SHARE = 0.995
 """Share of a signature that the curve's parameters imitate, from which it is not testable."""
 COARSE = 2.0
 """Distance of the rows, in typical delays or lengths, beyond which these do not show."""
@@ -57,7 +47,7 @@ alone; and the share of the variance of time within them from which the rows of 
 
 def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...], list[Untested]]:
     """Effects that the recordings can be tested for, and the others with the reason."""
-    found: list[Candidate] = []
+    candidates_found: list[Candidate] = []
     untested: dict[tuple[str, str], str] = {}
     wheelset = _mean_wheelset(drives)
     axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
@@ -69,18 +59,21 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
             plausible = (-inf, inf) if own != [0] else _plausible(effect, wheelset)
             plain = Candidate(effect, is_lag=_is_lag(effect), plausible=plausible)
             candidates, why = with_starts(plain, own, drives)
-        found += candidates
+        candidates_found += candidates
         if why:
             untested[effect.id, effect.form] = why
     channels, without = build_channel_candidates(drives)
-    return (*found, *channels), [*_describe_untested(untested, found), *without]
+    return (*candidates_found, *channels), [
+        *_describe_untested(untested, candidates_found),
+        *without,
+    ]
 
 
 def _describe_untested(
-    untested: Mapping[tuple[str, str], str], found: Sequence[Candidate]
+    untested: Mapping[tuple[str, str], str], candidates: Sequence[Candidate]
 ) -> list[Untested]:
     """Effects that are not tested: by id, and by form where another form is tested."""
-    tested = {candidate.effect.id for candidate in found}
+    tested = {candidate.effect.id for candidate in candidates}
     reasons = {
         effect_name(effect, form if effect in tested else ""): why
         for (effect, form), why in untested.items()
@@ -91,7 +84,7 @@ def _describe_untested(
 def _mean_wheelset(drives: Sequence[DriveData]) -> Wheelset:
     """Mean data of the wheelsets of some drives."""
     return Wheelset(
-        load=float(np.mean(np.concatenate([drive.observe().load for drive in drives]))),
+        load=float(np.mean(observed_column(drives, "load"))),
         radius=float(np.mean(np.concatenate([drive.radius for drive in drives]))),
         inertia=float(np.mean([drive.inertia for drive in drives])),
     )
@@ -273,13 +266,13 @@ def _missing_drives(requires: Requirements, drives: Sequence[DriveData]) -> str:
 
 def _braking_share(drives: Sequence[DriveData]) -> float:
     """Share of the rows in which an axle brakes."""
-    adhesion = np.concatenate([drive.observe().adhesion for drive in drives])
+    adhesion = observed_column(drives, "adhesion")
     return float(np.mean(adhesion < -COASTING))
 
 
 def _is_one_sided(drives: Sequence[DriveData]) -> bool:
     """Whether the rows are of traction alone, or of braking alone."""
-    slip = np.concatenate([drive.observe().slip for drive in drives])
+    slip = observed_column(drives, "slip")
     return bool((slip >= 0.0).all() or (slip <= 0.0).all())
 
 
@@ -330,81 +323,3 @@ def _no_signal(covariates: Sequence[str], drives: Sequence[DriveData]) -> str:
 def _is_constant(drives: Sequence[DriveData], name: str) -> bool:
     values = np.concatenate([drive.covariates[name] for drive in drives])
     return not len(values) or float(np.ptp(values)) == 0.0
-
-
-def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.int64]) -> str:
-    """Why the data carry no verdict at all; '' where they do.
-
-    Args:
-        drives: Rows of the recordings, one row at least.
-        block: Number of each row's block, negative for a row that is held out; shape (n,).
-
-    """
-    points = all(drive.independent for drive in drives)
-    decide, hold = np.count_nonzero(block >= 0), np.count_nonzero(block < 0)
-    enough = LEAST_POINTS if points else LEAST_ROWS
-    for count, fewest, what in (
-        (decide, enough, "to decide on"),
-        (hold, enough // 4, "to hold out"),
-    ):
-        # Of independent points each one is held out in turn where no other data are.
-        if count < fewest and not (points and what == "to hold out" and not hold):
-            return f"{count} usable rows {what}: at least {fewest} are needed"
-    blocks = len(np.unique(block))
-    if blocks < LEAST_BLOCKS:
-        return (
-            f"the usable part of the drive is too short: {blocks} blocks of time; at least "
-            f"{LEAST_BLOCKS} are needed to hold out a part"
-        )
-    observed = [drive.observe() for drive in drives]
-    for name, least in (("slip", LEAST_RANGE), ("adhesion", LEAST_ADHESION)):
-        size = np.abs(np.concatenate([getattr(one, name) for one in observed]))
-        low, high = map(float, np.quantile(size, [0.05, 0.95]))
-        if high - low < least:
-            return (
-                f"the {name} hardly varies ({low:.4f} to {high:.4f}); a curve needs creep swept "
-                "from near 0 to beyond its peak"
-            )
-    return ""
-
-
-def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
-    """Quantities beside the effects that these drives do not identify, with the reason."""
-    found = []
-    for drive in drives:
-        if drive.independent:
-            found.append(_describe_size(drive))
-        if drive.table:
-            continue
-        idle = np.abs(drive.observe().adhesion) < COASTING
-        if not _coasts(idle, drive):
-            found.append(
-                Untested(
-                    f"wheel against ground speed in {drive.name}",
-                    "no axle coasts for a second, so errors of speed and radius and a bias of "
-                    "effort are identified from the curve alone",
-                )
-            )
-        found += [
-            Untested(f"axle {axle} in {drive.name}", "it has no usable row")
-            for axle in range(1, len(drive.radius) + 1)
-            if not (drive.axle == axle).any()
-        ]
-    return found
-
-
-def _describe_size(drive: DriveData) -> Untested:
-    """What the size of a table of independent points does not allow to see."""
-    rows = len(drive)
-    return Untested(
-        f"differences in {drive.name} of less than about {50.0 * NOTICED / rows:.1f} % of the RMSE",
-        f"{rows} points, treated as independent, cannot distinguish them from chance",
-    )
-
-
-def _coasts(idle: np.ndarray, drive: DriveData) -> bool:
-    """Whether a fifth of the rows of some second of an axle coast: noise alone does not do that."""
-    second = np.floor(drive.t_s).astype(np.int64) + 100_000 * drive.axle
-    numbers, inverse = np.unique(second, return_inverse=True)
-    share = np.bincount(inverse, idle) / np.maximum(np.bincount(inverse), 1)
-    return bool(len(numbers) and share.max() > 0.2)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.drive_data import DriveData, observed_column
 from adhesion_can.diagnosis.evidence import Untested
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.physics.channels import FEW_VALUES, UserChannel
@@ -32,7 +32,7 @@ def build_channel_candidates(
     found: list[Candidate] = []
     untested: list[Untested] = []
     of_library = {name for effect in known_effects() for name in effect.requires.covariates}
-    brought = {one.name: one for drive in drives for one in drive.user_channels}
+    brought = {channel.name: channel for drive in drives for channel in drive.user_channels}
     for name in sorted(set(brought) - of_library):
         lacking = next((d.name for d in drives if name not in d.covariates), None)
         if lacking is not None:
@@ -52,11 +52,8 @@ def _why_no_cause(values: Array, drives: Sequence[DriveData]) -> str:
     """Why a channel cannot be a cause; '' where it can."""
     if float(np.ptp(values)) == 0.0:
         return "it does not change in these data"
-    observed = [drive.observe() for drive in drives]
-    slip, adhesion, load = (
-        np.concatenate([getattr(one, name) for one in observed])
-        for name in ("slip", "adhesion", "load")
-    )
+    names = ("slip", "adhesion", "load")
+    slip, adhesion, load = (observed_column(drives, name) for name in names)
     measured = {
         "slip": slip,
         "adhesion": adhesion,

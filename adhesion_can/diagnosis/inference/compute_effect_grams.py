@@ -11,13 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.effect_grams import (
-    EffectGrams,
-    EffectKey,
-    SizeEstimate,
-    project_grams,
-)
-from adhesion_can.diagnosis.inference.candidates import IMITATED
+from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey, SizeEstimate, project_grams
+from adhesion_can.diagnosis.inference.candidates import UNTESTABLE_SHARE
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
@@ -59,14 +54,14 @@ def compute_effect_grams(prepared: PreparedRegression, rmse: float) -> EffectGra
 
 
 def _estimate_sizes(
-    regression: WhitenedRegression, prepared: PreparedRegression, found: EffectGrams
+    regression: WhitenedRegression, prepared: PreparedRegression, grams: EffectGrams
 ) -> dict[int, SizeEstimate]:
     """Sizes that are not linearised where that matters, by the effect's place."""
-    size, std = found.size, found.std
+    size, std = grams.size, grams.std
     sizes: dict[int, SizeEstimate] = {}
     for place, candidate in enumerate(prepared.candidates):
         value, error = float(size[place]), float(std[place])
-        if found.absorbed[place] >= IMITATED or not error > 0.0:
+        if grams.absorbed[place] >= UNTESTABLE_SHARE or not error > 0.0:
             continue
         if abs(value) < CLEAR * error:
             sizes[place] = SizeEstimate(value, error)
@@ -99,7 +94,8 @@ def _compute_signatures(
     model = prepared.plain.model
     known = regression.evaluate_corrected(model)
     return tuple(
-        regression.compute_signature(model, one, known=known) for one in prepared.candidates
+        regression.compute_signature(model, candidate, known=known)
+        for candidate in prepared.candidates
     )
 
 

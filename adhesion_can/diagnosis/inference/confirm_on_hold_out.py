@@ -10,16 +10,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from adhesion_can.diagnosis.evidence import Untested
-from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
+from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.hold_out_gain import compute_hold_out_gain, is_significant
 from adhesion_can.diagnosis.inference.model_comparison import LEAST_GAIN
+from adhesion_can.diagnosis.inference.shape_finding import ShapeFinding
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
-from adhesion_can.diagnosis.result import Gain
 from adhesion_can.diagnosis.sentences import name_with_wave
 from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 
@@ -68,121 +68,108 @@ class ConfirmedFindings:
     closest: tuple[ClosestCause, ...] = ()
 
 
-def drop_uncertain(found: Findings, *, other_drives: bool) -> tuple[Findings, tuple[Untested, ...]]:
+def drop_uncertain(findings: Findings) -> tuple[Findings, tuple[Untested, ...]]:
     """The findings without effects that gain nothing for certain beside the others, and which.
 
     Together with a true cause, a second one that fits a little noise gains as well.
 
     Args:
-        found: Findings of steps 2 to 6.
-        other_drives: Whether whole recordings were held out.
+        findings: Findings of steps 2 to 6.
 
     """
-    best, regression = found.selection.best.fitted.model, found.prepared.regression
-    if len(found.named) < 2:
-        return found, ()
+    best, regression = findings.selection.best.model, findings.regression
+    if len(findings.named) < 2:
+        return findings, ()
     gains = []
     for place in range(len(best.candidates)):
         without = fit_model(regression, remove_effect(best, place)[0]).model
-        gains.append(_compute_gain(found, without, best, None, other_drives=other_drives))
+        gains.append(_compute_gain(findings, without, best))
     least = min(range(len(gains)), key=lambda place: gains[place].interval[0])
     if is_significant(gains[least]):
-        return found, ()
-    smaller, rejected = drop_uncertain(found.without_effect(least), other_drives=other_drives)
+        return findings, ()
+    smaller, rejected = drop_uncertain(findings.without_effect(least))
     return smaller, (_reject(best.candidates[least].effect.id, NOT_BESIDE), *rejected)
 
 
-def confirm_on_hold_out(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
+def confirm_on_hold_out(findings: Findings) -> ConfirmedFindings:
     """Named effects, else an unexplained channel, else nothing: the first that gains.
 
     Args:
-        found: Findings of steps 2 to 6.
-        other_drives: Whether whole recordings were held out.
+        findings: Findings of steps 2 to 6.
 
     """
-    closest = tuple(_find_closest(found, other_drives=other_drives))
-    gaining = [one.refuted for one in closest]
+    closest = tuple(_find_closest(findings))
+    gaining = [cause.refuted for cause in closest]
     others = (
-        Untested(one.effect, one.reason, rejected=True)
-        for one in found.refuted
-        if one not in gaining
+        Untested(refuted.effect, refuted.reason, rejected=True)
+        for refuted in findings.refuted
+        if refuted not in gaining
     )
-    confirmed = _confirm(found, other_drives=other_drives)
-    if any(one.gain.percent > confirmed.gain.percent for one in closest):
+    confirmed = _confirm(findings)
+    is_beaten = any(cause.gain.percent > confirmed.gain.percent for cause in closest)
+    if is_beaten and confirmed.channel is not None:
         # What a refuted effect explains better is no matter of the channel.
-        confirmed = _without_channel(found, confirmed, other_drives=other_drives)
+        plain = findings.baseline.model
+        confirmed = replace(confirmed, channel=None, gain=_compute_gain(findings, plain, plain))
     return replace(confirmed, closest=closest, rejected=(*confirmed.rejected, *others))
 
 
-def _without_channel(
-    found: Findings, confirmed: ConfirmedFindings, *, other_drives: bool
-) -> ConfirmedFindings:
-    """The findings without an unexplained channel."""
-    if confirmed.channel is None:
-        return confirmed
-    plain = found.baseline.fitted.model
-    gain = _compute_gain(found, plain, plain, None, other_drives=other_drives)
-    return replace(confirmed, channel=None, gain=gain)
-
-
-def _find_closest(found: Findings, *, other_drives: bool) -> Iterator[ClosestCause]:
+def _find_closest(findings: Findings) -> Iterator[ClosestCause]:
     """Refuted causes that gain on the held-out data."""
-    regression = found.prepared.regression
-    for refuted in found.refuted:
+    regression = findings.regression
+    for refuted in findings.refuted:
         # Their models were fitted to all rows; on those that decide they are fitted anew.
         models = (refuted.without, refuted.fitted.model)
-        without, model = (fit_model(regression, one).model for one in models)
-        gain = _compute_gain(found, without, model, None, other_drives=other_drives)
+        without, model = (fit_model(regression, model).model for model in models)
+        gain = _compute_gain(findings, without, model)
         if is_significant(gain):
             yield ClosestCause(refuted, gain)
 
 
-def _confirm(found: Findings, *, other_drives: bool) -> ConfirmedFindings:
-    plain, best = found.baseline.fitted.model, found.selection.best.fitted.model
+def _confirm(findings: Findings) -> ConfirmedFindings:
+    plain, best = findings.baseline.model, findings.selection.best.model
     rejected: list[Untested] = []
-    if found.shape is not None and found.named:
-        same = found.shape.same.fitted.model
+    if findings.shape is not None and findings.named:
+        same = findings.shape.same.model
         # Effects beside it must not carry a shape that gains nothing.
-        own = _compute_gain(found, same, best, None, other_drives=other_drives)
-        if not (is_significant(own) or own.percent >= CLEAR_GAIN):
-            return ConfirmedFindings((), None, own, (_reject(CURVE_SHAPE),))
-    if found.named or found.shape is not None:
-        gain = _compute_gain(found, plain, best, None, other_drives=other_drives)
-        is_clear = found.shape is not None and gain.percent >= CLEAR_GAIN
+        gain_of_shape = _compute_gain(findings, same, best)
+        if not (is_significant(gain_of_shape) or gain_of_shape.percent >= CLEAR_GAIN):
+            return ConfirmedFindings((), None, gain_of_shape, (_reject(CURVE_SHAPE),))
+    if findings.named or findings.shape is not None:
+        gain = _compute_gain(findings, plain, best)
+        is_clear = findings.shape is not None and gain.percent >= CLEAR_GAIN
         is_worth = gain.percent >= 100.0 * LEAST_GAIN
         if is_clear or (is_significant(gain) and is_worth):
-            return ConfirmedFindings(found.named, None, gain, (), found.shape)
+            return ConfirmedFindings(findings.named, None, gain, (), findings.shape)
         why = NOT_CONFIRMED
         if is_significant(gain):
             why = f"its gain on held-out data is {gain.percent:.2g} %, too small to be named"
-        rejected += [_reject(CURVE_SHAPE, why)] * (found.shape is not None)
-        rejected += [_reject(candidate.effect.id, why) for candidate in found.named]
-    channel = found.unexplained_channel
+        rejected += [_reject(CURVE_SHAPE, why)] * (findings.shape is not None)
+        rejected += [_reject(candidate.effect.id, why) for candidate in findings.named]
+    channel = findings.unexplained_channel
     if channel is not None:
-        gain = _compute_gain(found, plain, plain, channel, other_drives=other_drives)
+        gain = _compute_gain(findings, plain, plain, channel)
         if is_significant(gain):
             return ConfirmedFindings((), channel, gain, tuple(rejected))
         rejected.append(_reject(f"a dependence on {name_with_wave(channel.channel)}"))
-    gain = _compute_gain(found, plain, plain, None, other_drives=other_drives)
+    gain = _compute_gain(findings, plain, plain)
     return ConfirmedFindings((), None, gain, tuple(rejected))
 
 
 def _compute_gain(
-    found: Findings,
+    findings: Findings,
     smaller: Model,
     extended: Model,
-    channel: ResidualChannel | None,
-    *,
-    other_drives: bool,
+    channel: ResidualChannel | None = None,
 ) -> Gain:
     return compute_hold_out_gain(
-        found.prepared.regression,
+        findings.regression,
         smaller,
         extended,
         channel,
-        other_drives=other_drives,
-        noise_floor=found.noise_floor,
-        block_length_s=found.block_length_s,
+        other_drives=findings.other_drives,
+        noise_floor=findings.noise_floor,
+        block_length_s=findings.block_length_s,
     )
 
 

@@ -7,36 +7,35 @@ instruments and vehicle is preferred, and then the one with fewer causes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
+from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_GAIN,
     LEAST_WHITENED_GAIN,
     SECOND_LEAST_GAIN,
     ScoredModel,
+    fit_and_score,
     gain_p_value,
     is_improvement,
     is_worse,
-    score_model,
 )
 from adhesion_can.diagnosis.inference.one_speed import is_at_one_speed
 from adhesion_can.diagnosis.inference.select_effects import MOST_EFFECTS
 from adhesion_can.diagnosis.inference.sensor_noise import compare_where_effort_is_noisy
+from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
-from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 from adhesion_can.estimation.compare_directions import share_opposite
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION
-
-if TYPE_CHECKING:
-    from adhesion_can.diagnosis.inference.findings import Findings
 
 OTHERS: tuple[CurveFamily, ...] = tuple(
     FAMILIES[name] for name in ("polach", "magic_formula", "free")
@@ -51,39 +50,12 @@ on the weights of the latter, for the family to be tried in their place."""
 FIRST_ITERATIONS = 30
 MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
-
-
+BESIDE_SHAPE = 0.05
+"""Share by which an effect beside a shape must lower the cross-validated whitened square: the
+family's own error of form must not get a name, nor a lag that averages noise of the slip."""
 ABOVE_NOISE = 1.06
 """What Burckhardt's curve must leave over the sensors' noise for another shape. In six drives
 without a mechanism it was 1.01 to 1.04, on four contacts of another shape 1.25 to 2.5."""
-
-
-@dataclass(frozen=True, eq=False)
-class ScoredFamily:
-    """Curves of one family alone, fitted to the rows that decide.
-
-    Attributes:
-        family: Family of the curves.
-        scored: Fitted curves without effects.
-        extended: Fitted curves with the effects that are named on Burckhardt's curve; `scored`
-            where there are none.
-
-    """
-
-    family: CurveFamily
-    scored: ScoredModel
-    extended: ScoredModel
-
-    @property
-    def square(self) -> float:
-        """Cross-validated whitened square, the smaller one of both fits."""
-        both = (self.scored, self.extended)
-        return min(one.fitted.cross_validated_square for one in both)
-
-    @property
-    def held_out_rmse(self) -> float:
-        """Cross-validated whitened RMSE of the curves alone, in standard deviations of noise."""
-        return self.scored.held_out_rmse
 
 
 class FamilyChoice(NamedTuple):
@@ -99,49 +71,28 @@ class FamilyChoice(NamedTuple):
     most_effects: int
 
 
-@dataclass(frozen=True, eq=False)
-class ShapeFinding:
-    """A base curve that is of another family than Burckhardt's.
-
-    Attributes:
-        family: Family of the base curve.
-        burckhardt: Burckhardt's curves without effects, on the same regression.
-        same: Burckhardt's curves with the same effects, on the same regression.
-        p_value: P-value of the gain over Burckhardt's curves with the same effects, all families
-            counted.
-        rivals: Ids of effects on Burckhardt's curve that the data cannot separate from the shape.
-
-    """
-
-    family: CurveFamily
-    burckhardt: ScoredModel
-    same: ScoredModel
-    p_value: float
-    rivals: tuple[str, ...]
-
-
-def score_families(found: "Findings") -> tuple[ScoredFamily, ...]:
+def score_families(findings: Findings) -> tuple[ScoredFamily, ...]:
     """Burckhardt's curves and those of the other families, on one regression; Burckhardt first.
 
     Args:
-        found: Findings with Burckhardt's curve.
+        findings: Findings with Burckhardt's curve.
 
     """
-    regression = found.prepared.regression
-    plain, best = found.selection.plain, found.selection.best
-    fits = [ScoredFamily(plain.fitted.model.curves.family, plain, best)]
+    regression = findings.regression
+    plain, best = findings.selection.plain, findings.selection.best
+    fits = [ScoredFamily(plain.model.curves.family, plain, best)]
     for family in OTHERS:
         curves = fit_family_curves(regression.data, family)
         alone = _fit(regression, Model(curves))
         extended = alone
         if best.candidates:
-            model = replace(best.fitted.model, curves=alone.fitted.model.curves)
+            model = replace(best.model, curves=alone.model.curves)
             extended = _fit(regression, model)
         fits.append(ScoredFamily(family, alone, extended))
     return tuple(fits)
 
 
-def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[FamilyChoice]:
+def choose_families(findings: Findings, fits: Sequence[ScoredFamily]) -> list[FamilyChoice]:
     """Families that may replace Burckhardt's, the preferred one first; often none.
 
     A family with a formula is preferred to the free curve where its held-out RMSE is within 2 %,
@@ -149,48 +100,65 @@ def choose_families(found: "Findings", fits: Sequence[ScoredFamily]) -> list[Fam
     effects that are named on Burckhardt's curve can replace some of them at most.
 
     Args:
-        found: Findings with Burckhardt's curve.
+        findings: Findings with Burckhardt's curve.
         fits: Fits of all families, Burckhardt's first.
 
     """
-    plain, best = found.selection.plain, found.selection.best
-    ranked = sorted(fits[1:], key=lambda one: one.square)
+    plain, best = findings.selection.plain, findings.selection.best
+    ranked = sorted(fits[1:], key=lambda fit: fit.square)
     limit = (1.0 + LARGEST_LOSS) ** 2 * ranked[0].square
-    formulas = [one for one in ranked if one.square <= limit and one.family is not FREE]
-    formulas.sort(key=lambda one: one.scored.fitted.cross_validated_square)
-    chosen = [*formulas[:1], *(one for one in ranked[:1] if one not in formulas[:1])]
+    formulas = [family for family in ranked if family.square <= limit and family.family is not FREE]
+    formulas.sort(key=lambda one: one.scored.square)
+    chosen = [*formulas[:1], *(family for family in ranked[:1] if family not in formulas[:1])]
 
-    def most_effects(one: ScoredFamily) -> int | None:
+    def most_effects(scored: ScoredFamily) -> int | None:
         """Largest number of effects beside the family; None where it cannot be preferred."""
         if not best.candidates:
-            return MOST_EFFECTS if is_improvement(plain, one.scored, len(OTHERS)) else None
-        if is_improvement(best, one.extended, len(OTHERS)):
+            return MOST_EFFECTS if is_improvement(plain, scored.scored, len(OTHERS)) else None
+        if is_improvement(best, scored.extended, len(OTHERS)):
             return MOST_EFFECTS
         fewer = len(best.candidates) - 1
-        replaces = fewer > 0 or one.scored.rmse <= (1.0 + NEARLY_AS_GOOD) * best.rmse
-        return fewer if replaces and _is_worth(plain, one.scored) else None
+        replaces = fewer > 0 or scored.scored.rmse <= (1.0 + NEARLY_AS_GOOD) * best.rmse
+        return fewer if replaces and _is_worth(plain, scored.scored) else None
 
-    choices = ((one.scored.fitted.model.curves, most_effects(one)) for one in chosen)
+    choices = ((family.scored.model.curves, most_effects(family)) for family in chosen)
     return [FamilyChoice(curves, most) for curves, most in choices if most is not None]
 
 
-def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
-    """The shape as a finding where it is the better explanation; None where it is not.
+def drop_doubtful_effects(shaped: Findings) -> Findings:
+    """The findings without effects that are not significant, or not worth it beside a shape.
 
     Args:
-        found: Findings with Burckhardt's curve.
         shaped: Findings with the curve of another family.
 
     """
-    regression, best = shaped.prepared.regression, shaped.selection.best
-    plain = _fit(regression, found.selection.plain.fitted.model)
+    best, plain = shaped.selection.best, shaped.selection.plain
+    worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * plain.rmse
+    # Where the curve is steep, the RMSE is that of the slip's noise: whoever averages it gains.
+    square = plain.square
+    worth &= best.square < (1.0 - BESIDE_SHAPE) * square
+    if worth and all(shaped.p_value(c) <= shaped.alpha for c in best.candidates):
+        return shaped
+    return shaped.with_best(plain)
+
+
+def judge_shape(findings: Findings, shaped: Findings) -> ShapeFinding | None:
+    """The shape as a finding where it is the better explanation; None where it is not.
+
+    Args:
+        findings: Findings with Burckhardt's curve.
+        shaped: Findings with the curve of another family.
+
+    """
+    regression, best = shaped.regression, shaped.selection.best
+    plain = _fit(regression, findings.selection.plain.model)
     burckhardt = plain
-    if found.selection.best.candidates:
-        burckhardt = _fit(regression, found.selection.best.fitted.model)
+    if findings.selection.best.candidates:
+        burckhardt = _fit(regression, findings.selection.best.model)
     same = plain
     if best.candidates:
-        same = _fit(regression, replace(best.fitted.model, curves=plain.fitted.model.curves))
-    if not _is_worth(same, best) or _leaves_slip(found, shaped):
+        same = _fit(regression, replace(best.model, curves=plain.model.curves))
+    if not _is_worth(same, best) or _leaves_slip(findings, shaped):
         return None
     if not _shows_in_adhesion(regression, same, best) or _is_of_no_contact(regression, best):
         return None
@@ -203,20 +171,20 @@ def judge_shape(found: "Findings", shaped: "Findings") -> ShapeFinding | None:
     if not preferred:
         return None
     p_value = min(1.0, tested * gain_p_value(same.fitted, best.fitted))
-    family = best.fitted.model.curves.family
+    family = best.model.curves.family
     return ShapeFinding(family, plain, same, p_value, _find_rivals(shaped, burckhardt, best))
 
 
 def _fit(regression: WhitenedRegression, model: Model) -> ScoredModel:
-    return score_model(regression, fit_model(regression, model, FIRST_ITERATIONS))
+    return fit_and_score(regression, model, FIRST_ITERATIONS)
 
 
 def _is_worth(small: ScoredModel, large: ScoredModel) -> bool:
     """Whether a gain is large enough to matter, significant or not."""
-    square = small.fitted.cross_validated_square
+    square = small.square
     return (
         large.rmse < (1.0 - LEAST_GAIN) * small.rmse
-        and large.fitted.cross_validated_square < (1.0 - LEAST_WHITENED_GAIN) * square
+        and large.square < (1.0 - LEAST_WHITENED_GAIN) * square
     )
 
 
@@ -230,7 +198,7 @@ def _shows_in_adhesion(
     of the efforts explains what Burckhardt's curve leaves.
     """
     left, still_left = (
-        compare_where_effort_is_noisy(regression, one.fitted.model) for one in (small, large)
+        compare_where_effort_is_noisy(regression, scored.model) for scored in (small, large)
     )
     if left is not None and still_left is not None:
         return left > ABOVE_NOISE and still_left < (1.0 - LEAST_GAIN) * left
@@ -241,8 +209,8 @@ def _shows_in_adhesion(
     if not rows.any():
         return False
     before, after = (
-        float(np.sqrt(np.mean(regression.residual(one.fitted.model)[rows] ** 2)))
-        for one in (small, large)
+        float(np.sqrt(np.mean(regression.residual(scored.model)[rows] ** 2)))
+        for scored in (small, large)
     )
     return after < (1.0 - LEAST_GAIN) * before
 
@@ -252,35 +220,37 @@ def _is_of_no_contact(regression: WhitenedRegression, scored: ScoredModel) -> bo
 
     A friction brake whose force is not measured, or a slip of bends, makes such a peak.
     """
-    data, model = regression.data, scored.fitted.model
+    data, model = regression.data, scored.model
     evaluation = evaluate_model(data, model.curves, model.active_effects)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     aligned = np.sign(evaluation.slip) * (evaluation.predicted + evaluation.residual)
     return share_opposite(aligned[regression.used & (slope < 0.0)]) > 0.0
 
 
-def _leaves_slip(found: "Findings", shaped: "Findings") -> bool:
+def _leaves_slip(findings: Findings, shaped: Findings) -> bool:
     """Whether the residual still depends on the slip much: then the family is not the shape.
 
     Errors of the slip leave such a dependence on any steep curve. It does not count where the
     family explains more than any curve over slip could.
     """
-    plain, best = found.selection.plain, shaped.selection.best
-    before = _explained_by_slip(found.channels_of_plain, plain.rmse)
+    plain, best = findings.selection.plain, shaped.selection.best
+    before = _explained_by_slip(findings.channels_of_plain, plain.rmse)
     if best.rmse**2 < plain.rmse**2 - before:
         return False
     left = [
-        one
-        for one in shaped.channels_of_best
-        if one.p_value <= shaped.channel_alpha and one.gain >= SECOND_LEAST_GAIN
+        dependence
+        for dependence in shaped.significant_channels_of_best
+        if dependence.gain >= SECOND_LEAST_GAIN
     ]
     return _explained_by_slip(left, best.rmse) > MOST_LEFT * before
 
 
 def _explained_by_slip(channels: Sequence[ResidualChannel], rmse: float) -> float:
     """Mean square of the adhesion that a spline in the slip takes off a residual."""
-    gain = max((one.gain for one in channels if one.channel.name == "slip"), default=0.0)
-    return rmse**2 * (1.0 - (1.0 - gain) ** 2)
+    by_slip = (
+        channel.explained_square(rmse) for channel in channels if channel.channel.name == "slip"
+    )
+    return max(by_slip, default=0.0)
 
 
 def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:
@@ -288,7 +258,8 @@ def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:
     if is_worse(burckhardt, shaped) or shaped.rmse > (1.0 + LARGEST_LOSS) * burckhardt.rmse:
         return False
     instruments = [
-        sum(not acts_in_contact(c.effect) for c in one.candidates) for one in (burckhardt, shaped)
+        sum(not acts_in_contact(c.effect) for c in scored.candidates)
+        for scored in (burckhardt, shaped)
     ]
     causes = [len(burckhardt.candidates), 1 + len(shaped.candidates)]
     return (
@@ -298,12 +269,12 @@ def _has_fewer_causes(burckhardt: ScoredModel, shaped: ScoredModel) -> bool:
     )
 
 
-def _find_rivals(shaped: "Findings", burckhardt: ScoredModel, best: ScoredModel) -> tuple[str, ...]:
+def _find_rivals(shaped: Findings, burckhardt: ScoredModel, best: ScoredModel) -> tuple[str, ...]:
     """Ids of effects that could stand for the shape."""
     rivals: set[str] = set()
     if burckhardt.candidates and not is_worse(best, burckhardt):
         rivals |= burckhardt.ids - best.ids
-    drives = shaped.prepared.regression.data.drives
+    drives = shaped.regression.data.drives
     if FALLING_FRICTION not in best.ids and is_at_one_speed(drives):
         rivals.add(FALLING_FRICTION)
     return tuple(sorted(rivals))

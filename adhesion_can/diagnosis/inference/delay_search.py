@@ -10,7 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
+from adhesion_can.diagnosis.inference.model_comparison import (
+    ScoredModel,
+    fit_and_score,
+    score_model,
+)
 from adhesion_can.diagnosis.inference.noise_averaging import Reversed
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, remove_effect
@@ -43,10 +47,8 @@ def with_delay_for_lag(
         delays: Delays of signals that could be tested.
 
     """
-    model, square = best.fitted.model, best.fitted.cross_validated_square
-    speed = float(
-        np.median(np.concatenate([one.observe().speed for one in regression.data.drives]))
-    )
+    model, square = best.model, best.square
+    speed = float(np.median(regression.data.observed("speed")))
     for place, lag in enumerate(model.candidates):
         if not (lag.is_lag and acts_in_contact(lag.effect)):
             continue
@@ -63,10 +65,10 @@ def with_delay_for_lag(
                 _fit_delay(regression, smaller, delay, about_s),
             )
         ]
-        fitted = min(fits, key=lambda one: one.cross_validated_square, default=None)
+        fitted = min(fits, key=lambda fit: fit.cross_validated_square, default=None)
         if fitted is not None and fitted.cross_validated_square < square:
             delayed = replace(fitted.model, fixed=smaller.fixed)
-            return score_model(regression, fit_model(regression, delayed))
+            return fit_and_score(regression, delayed)
     return None
 
 
@@ -78,7 +80,7 @@ def with_longer_delay(regression: WhitenedRegression, best: ScoredModel) -> Scor
         best: Fitted model with the delays.
 
     """
-    model, square = best.fitted.model, best.fitted.cross_validated_square
+    model, square = best.model, best.square
     for place, delay in enumerate(model.candidates):
         if not delay.is_lag or acts_in_contact(delay.effect):
             continue

@@ -98,11 +98,11 @@ def detect_groups(
     nuisance = list(range(p))
     firsts = [place[0] for place in places]
     weights, total = grams.project_out(nuisance, firsts), grams.total
-    own = weights.T @ total @ weights
-    remaining = np.maximum(own.diagonal(), 0.0)
+    remaining_gram = weights.T @ total @ weights
+    remaining = np.maximum(remaining_gram.diagonal(), 0.0)
     square = np.maximum(total[firsts, firsts], 1e-300)
     norm = np.sqrt(np.maximum(remaining, 1e-12 * square))
-    cosines = own / np.outer(norm, norm)
+    cosines = remaining_gram / np.outer(norm, norm)
     test = sign_flip_test(grams, nuisance, places, rng)
     # What the model imitates completely is no test.
     tested = remaining > ROUND_OFF * square
@@ -148,12 +148,12 @@ def sign_flip_test(
         imitated = np.einsum("ij,ij->j", v, total @ v) < ROUND_OFF * total[group, group]
         v[:, imitated] = 0.0
         sums = np.einsum("bij,j->bi", grams.matrices, remainder) @ v
-        own = v.T @ total @ v
+        gram = v.T @ total @ v
         root = _inverse_root(sums)
         observed.append(float(np.linalg.norm(sums.sum(axis=0) @ root)))
         chance.append(np.linalg.norm(signs @ (sums @ root), axis=1))
         score = sums.sum(axis=0)
-        gain.append(float(score @ solve_normal_equations(own, score)) / max(square, 1e-300))
+        gain.append(float(score @ solve_normal_equations(gram, score)) / max(square, 1e-300))
     statistic = np.array(observed)
     # Groups of several columns have larger norms: each is compared on its own scale.
     scale = np.array([np.quantile(c, 0.95) for c in chance])

@@ -11,7 +11,7 @@ import numpy as np
 
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.imitations import imitates_load
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
@@ -25,39 +25,39 @@ EQUAL_GAIN = 0.98
 """Share of what the named effect explains, from which a gain counts as the same."""
 
 
-def find_equivalent_effects(found: Findings, candidate: Candidate) -> tuple[str, ...]:
+def find_equivalent_effects(findings: Findings, candidate: Candidate) -> tuple[str, ...]:
     """Ids of the effects with the signature and the gain of a named one, in alphabetical order.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         candidate: Effect of the selected model.
 
     """
-    alike = list(_find_alike(found, candidate))
+    alike = list(_find_alike(findings, candidate))
     if not alike and candidate.effect.id != LOAD_DEPENDENCE:
         return ()
-    regression, best = found.prepared.regression, found.selection.best
+    regression, best = findings.regression, findings.selection.best
     place = best.candidates.index(candidate)
-    smaller = fit_model(regression, remove_effect(best.fitted.model, place)[0])
+    smaller = fit_model(regression, remove_effect(best.model, place)[0])
     square = smaller.cross_validated_square
-    explained = square - best.fitted.cross_validated_square
+    explained = square - best.square
     fits = (
-        score_model(regression, fit_model(regression, proposal.model))
+        fit_and_score(regression, proposal.model)
         for proposal in propose_effects(regression, smaller.model, alike)
     )
-    equal = {_id_of_last(one) for one in fits if _is_equal(one, square, explained)}
+    equal = {_id_of_last(fit) for fit in fits if _is_equal(fit, square, explained)}
     if imitates_load(regression, smaller.model, candidate):
         equal |= {EFFORT_GAIN} - best.ids
     return tuple(sorted(equal))
 
 
-def _find_alike(found: Findings, candidate: Candidate) -> Iterator[Candidate]:
+def _find_alike(findings: Findings, candidate: Candidate) -> Iterator[Candidate]:
     """Candidates with the signature of another one."""
-    candidates = found.prepared.candidates
+    candidates = findings.prepared.candidates
     if candidate not in candidates:
         return
-    known = found.selection.best.ids
-    cosines = np.abs(found.detection.cosines[candidates.index(candidate)])
+    known = findings.selection.best.ids
+    cosines = np.abs(findings.detection.cosines[candidates.index(candidate)])
     for other, cosine in zip(candidates, cosines.tolist(), strict=True):
         if cosine > LEAST_COSINE and other.effect.id not in known:
             yield other
@@ -69,5 +69,5 @@ def _id_of_last(scored: ScoredModel) -> str:
 
 def _is_equal(scored: ScoredModel, square: float, explained: float) -> bool:
     """Whether a plausible model explains as much as the named effect does."""
-    gain = square - scored.fitted.cross_validated_square
+    gain = square - scored.square
     return scored.is_plausible and gain >= EQUAL_GAIN * explained

@@ -14,11 +14,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.inference.detect_effects import detect_groups
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind, build_channels
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.model import (
-    Evaluation,
-    Model,
-    compute_curve_jacobian,
-)
+from adhesion_can.diagnosis.regression.model import EvaluatedModel, Model, compute_curve_jacobian
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
 
 WAVES_M = np.geomspace(6.0, 300.0, 500)
@@ -54,6 +50,10 @@ class ResidualChannel:
     basis: Array
     jacobian: Array
     coefficients: Array
+
+    def explained_square(self, rmse: float) -> float:
+        """Mean square of the adhesion that the channel's spline takes off a residual."""
+        return rmse**2 * (1.0 - (1.0 - self.gain) ** 2)
 
     @property
     def prediction_change(self) -> Array:
@@ -130,7 +130,7 @@ def fit_residual_channels(
     before = float(np.sqrt(np.mean(residual[used] ** 2)))
     white = regression.whiten(np.column_stack([jacobian, *bases, residual]))
     total = regression.compute_grams(white).total
-    found, first = [], jacobian.shape[1]
+    dependences, first = [], jacobian.shape[1]
     for place, (channel, basis) in enumerate(zip(channels, bases, strict=True)):
         columns = [*range(jacobian.shape[1]), *range(first, first + basis.shape[1])]
         first += basis.shape[1]
@@ -140,14 +140,14 @@ def fit_residual_channels(
         after = float(np.sqrt(np.mean(remaining[used] ** 2)))
         gain = 1.0 - after / max(before, 1e-300)
         p_value = float(test.p_value[place])
-        found.append(ResidualChannel(channel, p_value, gain, basis, jacobian, coefficients))
-    return sorted(found, key=lambda one: -one.gain)
+        dependences.append(ResidualChannel(channel, p_value, gain, basis, jacobian, coefficients))
+    return sorted(dependences, key=lambda one: -one.gain)
 
 
 def find_wave(
     regression: WhitenedRegression,
     model: Model,
-    evaluation: Evaluation,
+    evaluation: EvaluatedModel,
     rng: np.random.Generator,
 ) -> tuple[Channel, Array, float] | None:
     """Strongest wave of the adhesion along the rail; None where the drive is too short.
@@ -190,7 +190,7 @@ def find_wave(
 
 
 def _block_amplitudes(
-    regression: WhitenedRegression, model: Model, evaluation: Evaluation, lengths: Array
+    regression: WhitenedRegression, model: Model, evaluation: EvaluatedModel, lengths: Array
 ) -> NDArray[np.complex128]:
     """Complex amplitude of each wavelength, m, in each block; shape (blocks, wavelengths)."""
     residual = regression.residual(model)

@@ -2,29 +2,21 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.curve_shape import ScoredFamily, ShapeFinding
-from adhesion_can.diagnosis.inference.delay_search import with_delay_for_lag, with_longer_delay
 from adhesion_can.diagnosis.inference.detect_effects import Detection
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.model_comparison import (
     SECOND_LEAST_GAIN,
     ScoredModel,
-    score_model,
+    fit_and_score,
 )
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
-from adhesion_can.diagnosis.inference.noise_averaging import (
-    averages_noise,
-    without_short_delay,
-)
-from adhesion_can.diagnosis.inference.sensor_noise import (
-    NoiseComparison,
-    compare_with_sensors,
-)
+from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison, compare_with_sensors
+from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.inference.signal_faults import DriveTrainOscillation, SaturatedSensor
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
 from adhesion_can.diagnosis.refutation.refuted_cause import RefutedCause
@@ -37,20 +29,12 @@ from adhesion_can.diagnosis.regression.model import (
     remove_effect,
 )
 from adhesion_can.diagnosis.regression.prepare_regression import PreparedRegression
-from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, fit_model
-from adhesion_can.normal_quantiles import NORMAL_95
-from adhesion_can.physics.effects import acts_in_contact
-from adhesion_can.physics.effects.channel_factor import PREFIX
+from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
 
 NOISELESS = 1e-6
 """RMSE of the adhesion below which there is nothing to explain, since no sensor is that good."""
 LEAST_EXPLAINED = 0.5
 """Share that named effects must have in what effects and channels explain together."""
-BESIDE_SHAPE = 0.05
-"""Share by which an effect beside a shape must lower the cross-validated whitened square: the
-family's own error of form must not get a name, nor a lag that averages noise of the slip."""
-MOST_BENT = 0.25
-"""Share of what a channel explains by a linear factor that a spline in it may explain besides."""
 OSCILLATION_SIZE = 0.3
 """Size of an oscillation in the adhesion, relative to the noise floor, from which it matters."""
 
@@ -71,6 +55,7 @@ class Findings:
         block_length_s: Length of a block, s.
         alpha: Significance level of effects that are named.
         channel_alpha: Significance level of channels.
+        other_drives: Whether whole recordings were held out.
         families: Fits of all curve families, Burckhardt's first; () where they were not compared.
         shape: Base curve of another family; None: it is Burckhardt's.
         refuted: Causes that helped and were refuted, the first one removed first.
@@ -89,12 +74,18 @@ class Findings:
     block_length_s: float
     alpha: float
     channel_alpha: float
+    other_drives: bool = False
     families: tuple[ScoredFamily, ...] = ()
     shape: ShapeFinding | None = None
     refuted: tuple[RefutedCause, ...] = ()
     sizes_by_environment: Mapping[Candidate, tuple[SizesByEnvironment, ...]] = field(
         default_factory=dict
     )
+
+    @property
+    def regression(self) -> WhitenedRegression:
+        """Rows with weights, filter and blocks."""
+        return self.prepared.regression
 
     @property
     def baseline(self) -> ScoredModel:
@@ -111,22 +102,18 @@ class Findings:
         """Channels against the selected model's residual, largest gain first."""
         return self.search_channels(self.selection.best.fitted)
 
+    @property
+    def significant_channels_of_best(self) -> tuple[ResidualChannel, ...]:
+        """Those of them on which the residual depends significantly."""
+        return tuple(
+            dependence
+            for dependence in self.channels_of_best
+            if dependence.p_value <= self.channel_alpha
+        )
+
     def p_value(self, candidate: Candidate) -> float:
         """P-value of a selected effect, all effects counted."""
         return self.selection.p_value(candidate, self.prepared.candidates)
-
-    @property
-    def without_doubtful_effects(self) -> "Findings":
-        """The findings without effects that are not significant, or not worth it beside a shape."""
-        best, plain = self.selection.best, self.selection.plain
-        worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * plain.rmse
-        # Where the curve is steep, the RMSE is that of the slip's noise: whoever averages it gains.
-        square = plain.fitted.cross_validated_square
-        worth &= best.fitted.cross_validated_square < (1.0 - BESIDE_SHAPE) * square
-        if worth and all(self.p_value(c) <= self.alpha for c in best.candidates):
-            return self
-        selection = replace(self.selection, best=self.selection.plain, indistinguishable=())
-        return replace(self, selection=selection)
 
     @cached_property
     def named(self) -> tuple[Candidate, ...]:
@@ -143,8 +130,7 @@ class Findings:
         if self.oscillates or self.saturated or plain.rmse < NOISELESS:
             return False
         explained = 1.0 - (best.rmse / plain.rmse) ** 2
-        significant = (one for one in self.channels_of_best if one.p_value <= self.channel_alpha)
-        strongest = next(significant, None)
+        strongest = next(iter(self.significant_channels_of_best), None)
         by_channel = 0.0
         if strongest is not None:
             remaining = best.rmse * (1.0 - strongest.gain)
@@ -164,84 +150,27 @@ class Findings:
         left = best.rmse**2 * (1.0 - 1.0 / self.noise.left**2)
         return explained / (explained + left)
 
-    @property
-    def without_sizeless_effects(self) -> "Findings":
-        """The findings without effects whose 95 % interval holds 0, on the rows of the last fit.
-
-        What showed on the rows that decide may be gone on all of them.
-        """
-        best, regression = self.selection.best, self.prepared.regression
-        if not best.candidates:
-            return self
-        fits = best.fitted, fit_model(regression.last_fit, best.fitted.model)
-        size, least = min(
-            (fitted.size_in_deviations(place), place)
-            for fitted in fits
-            for place in range(len(best.candidates))
-        )
-        if size > NORMAL_95:
-            return self
-        return self.without_effect(least).without_sizeless_effects
-
     def without_effect(self, place: int) -> "Findings":
         """The findings without one effect of the selected model, the others fitted again."""
-        best, regression = self.selection.best, self.prepared.regression
+        best, regression = self.selection.best, self.regression
         rest = (*best.candidates[:place], *best.candidates[place + 1 :])
-        smaller = remove_effect(best.fitted.model, place)[0]
-        without = score_model(regression, fit_model(regression, smaller))
+        smaller = remove_effect(best.model, place)[0]
+        without = fit_and_score(regression, smaller)
         # The fit of the search may be better, or at a minimum that the model has left since.
         known = self.fitted_with(rest)
         if known is not None:
-            without = min(known, without, key=lambda one: one.fitted.cross_validated_square)
-        selection = replace(self.selection, best=without, indistinguishable=())
-        return replace(self, selection=selection)
+            without = min(known, without, key=lambda model: model.square)
+        return self.with_best(without)
 
-    @property
-    def without_noise_averages(self) -> "Findings":
-        """The findings without lags that average noise, and delays too short to be known."""
-        best, regression = self.selection.best, self.prepared.regression
-        lags = tuple(c for c in best.candidates if c.is_lag)
-        groups = [lags, *((lag,) for lag in lags)] if len(lags) > 1 else [lags]
-        delays = [c for c in self.prepared.candidates if c.is_lag and not acts_in_contact(c.effect)]
-        tests = [
-            partial(without_short_delay, regression, best, lags),
-            partial(with_longer_delay, regression, best),
-            partial(with_delay_for_lag, regression, best, delays),
-            *(partial(averages_noise, regression, best, group) for group in groups),
-        ]
-        for test in tests if lags else ():
-            without = test()
-            if without is not None:
-                selection = replace(self.selection, best=without, indistinguishable=())
-                return replace(self, selection=selection).without_noise_averages
-        return self
+    def with_best(self, best: ScoredModel) -> "Findings":
+        """The findings with another model selected, which has no rivals."""
+        return replace(self, selection=replace(self.selection, best=best, indistinguishable=()))
 
     def fitted_with(self, candidates: tuple[Candidate, ...]) -> ScoredModel | None:
         """Fitted model with given effects; None where there is none."""
         selection = self.selection
         known = (selection.plain, *selection.singles, *selection.smaller)
-        return next((one for one in known if one.candidates == candidates), None)
-
-    @property
-    def without_bent_channel(self) -> "Findings":
-        """The findings without a user's channel that is left with much of what it does.
-
-        A factor that is linear in it is then not the form of the dependence.
-        """
-        significant = (one for one in self.channels_of_best if one.p_value <= self.channel_alpha)
-        left, best = next(significant, None), self.selection.best
-        if left is None or left.gain < SECOND_LEAST_GAIN:
-            return self
-        own = PREFIX + left.channel.name
-        rest = tuple(c for c in best.candidates if c.effect.id != own)
-        without = self.fitted_with(rest)
-        if len(rest) == len(best.candidates) or without is None:
-            return self
-        remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)
-        if remaining <= MOST_BENT * (without.rmse**2 - best.rmse**2):
-            return self
-        selection = replace(self.selection, best=without, indistinguishable=())
-        return replace(self, selection=selection)
+        return next((model for model in known if model.candidates == candidates), None)
 
     @cached_property
     def oscillates(self) -> bool:
@@ -254,17 +183,21 @@ class Findings:
         """Channel that the plain model's residual depends on; None: there is none."""
         if self.selection.plain.rmse < NOISELESS:
             return None
-        for one in self.channels_of_plain:
-            possible = not self.saturated or one.channel.name == "tractive_effort"
-            if possible and one.p_value <= self.channel_alpha and one.gain >= SECOND_LEAST_GAIN:
-                return one
+        for dependence in self.channels_of_plain:
+            possible = not self.saturated or dependence.channel.name == "tractive_effort"
+            if (
+                possible
+                and dependence.p_value <= self.channel_alpha
+                and dependence.gain >= SECOND_LEAST_GAIN
+            ):
+                return dependence
         return None
 
     @cached_property
     def noise(self) -> NoiseComparison:
         """The noise floor beside the noise of the sensors."""
-        model = self.selection.best.fitted.model
-        return compare_with_sensors(self.prepared.regression, model, self._noise)
+        model = self.selection.best.model
+        return compare_with_sensors(self.regression, model, self._noise)
 
     @cached_property
     def noise_floor(self) -> float:
@@ -274,12 +207,14 @@ class Findings:
     @cached_property
     def _noise(self) -> Array:
         """What the selected effects and all channels leave of the adhesion, bias-corrected."""
-        regression, best = self.prepared.regression, self.selection.best.fitted.model
+        regression, best = self.regression, self.selection.best.model
         data, used = regression.data, regression.used
         effects = best.active_effects
         corrected = regression.evaluate_corrected(best)
         columns = [channel.build_basis(corrected) for channel in build_channels(data, corrected)]
-        columns += [one.basis for one in self.channels_of_best if one.channel.period]
+        columns += [
+            dependence.basis for dependence in self.channels_of_best if dependence.channel.period
+        ]
         jacobian = compute_curve_jacobian(data, best.curves, corrected)
         design = np.column_stack([jacobian, *columns])[used]
         residual = evaluate_model(data, best.curves, effects).residual[used]

@@ -93,12 +93,12 @@ def build_formulas(
         sequence: Whether rows follow upon each other, so that there may be a lag.
 
     """
-    found = [*_of_one_constant(channel), *_bent(channel), *_with_levels(channel)]
+    formulas = [*_of_one_constant(channel), *_bent(channel), *_with_levels(channel)]
     if sequence:
-        found += _lags(channel)
+        formulas += _lags(channel)
     for other in others:
-        found += _products(channel, other)
-    return tuple(map(Candidate, found))
+        formulas += _products(channel, other)
+    return tuple(map(Candidate, formulas))
 
 
 def _size(channel: FormulaChannel, power: int = 1) -> Parameter:

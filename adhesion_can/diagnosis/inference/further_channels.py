@@ -7,16 +7,16 @@ from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_WHITENED_GAIN,
     LEVEL,
     ScoredModel,
+    fit_and_score,
     gain_p_value,
     is_improvement,
-    score_model,
 )
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.inference.race_models import PARTNERS, race
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
-from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 from adhesion_can.physics.effects.channel_factor import PREFIX
 
 MOST_CHANNELS = 2
@@ -24,28 +24,30 @@ MOST_CHANNELS = 2
 
 
 def with_further_channels(
-    regression: WhitenedRegression, found: ModelSelection, candidates: Sequence[Candidate]
+    regression: WhitenedRegression, selection: ModelSelection, candidates: Sequence[Candidate]
 ) -> ModelSelection:
     """The selection with channels of the user's beside its effects.
 
     What the library knows to act on a vehicle may act beside what a user brought: the two do not
     take each other's place.
     """
-    best = found.best
+    best = selection.best
     for _ in range(MOST_CHANNELS):
         channels = [c for c in candidates if c.effect.id.startswith(PREFIX) and best.admits(c)]
         if not channels or not best.candidates:
             break
-        proposals = propose_effects(regression, best.fitted.model, channels)[:PARTNERS]
-        fits = race(regression, [one for one in proposals if one.gain > LEAST_WHITENED_GAIN])
-        if not fits or not is_improvement(best, fits[0], found.test.independent):
+        proposals = propose_effects(regression, best.model, channels)[:PARTNERS]
+        fits = race(
+            regression, [proposal for proposal in proposals if proposal.gain > LEAST_WHITENED_GAIN]
+        )
+        if not fits or not is_improvement(best, fits[0], selection.test.independent):
             break
         best = fits[0]
-    if best is found.best:
-        return found
-    best, smaller = drop_needless(regression, best, found.test.independent)
-    known = found.all_rivals()
-    return replace(found, best=best, indistinguishable=(), smaller=smaller, known_rivals=known)
+    if best is selection.best:
+        return selection
+    best, smaller = drop_needless(regression, best, selection.test.independent)
+    known = selection.all_rivals()
+    return replace(selection, best=best, indistinguishable=(), smaller=smaller, known_rivals=known)
 
 
 def drop_needless(
@@ -65,13 +67,13 @@ def drop_needless(
     while True:
         last = best.candidates[-1]
         needless = [
-            one
-            for one in smaller
-            if last in one.candidates and gain_p_value(one.fitted, best.fitted) * tested > LEVEL
+            model
+            for model in smaller
+            if last in model.candidates and gain_p_value(model.fitted, best.fitted) * tested > LEVEL
         ]
         if not needless:
             return best, smaller
-        least = min(needless, key=lambda one: one.fitted.cross_validated_square)
+        least = min(needless, key=lambda one: one.square)
         # What was tested beside a needless effect holds without it.
         by_signs = best.sign_flips.get(frozenset(best.candidates) - {last}, 1.0)
         best = replace(least, sign_flips={frozenset(least.candidates) - {last}: by_signs})
@@ -80,5 +82,5 @@ def drop_needless(
 
 def _fit_smaller(regression: WhitenedRegression, best: ScoredModel) -> tuple[ScoredModel, ...]:
     """Models with one effect less."""
-    models = (remove_effect(best.fitted.model, k)[0] for k in range(len(best.candidates)))
-    return tuple(score_model(regression, fit_model(regression, model)) for model in models)
+    models = (remove_effect(best.model, k)[0] for k in range(len(best.candidates)))
+    return tuple(fit_and_score(regression, model) for model in models)

@@ -18,6 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.gain_result import Gain, GainMethod
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.inference.split_hold_out import held_blocks
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
@@ -28,7 +29,6 @@ from adhesion_can.diagnosis.regression.model import (
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
-from adhesion_can.diagnosis.result import Gain, GainMethod
 
 CONFIDENCE = 0.95
 """Confidence level of the interval."""
@@ -105,8 +105,8 @@ def compute_hold_out_gain(
     )
     results = [(result, GainMethod.PLAIN)]
     if regression.speed_error_design.shape[1]:
-        less = _take_speed_errors_off(regression, result)
-        results.append((less, GainMethod.WITHOUT_SPEED_ERRORS))
+        without_errors = _take_speed_errors_off(regression, result)
+        results.append((without_errors, GainMethod.WITHOUT_SPEED_ERRORS))
     gains = [
         gain
         for residuals, method in results
@@ -119,7 +119,7 @@ def _take_speed_errors_off(regression: WhitenedRegression, result: HoldOutResult
     """Residuals of both models without errors of the vehicle speed, each by its own residuals."""
     residuals = np.zeros((2, len(regression.data)))
     residuals[:, result.rows] = result.before, result.after
-    before, after = (regression.held_out.without_speed_errors(one) for one in residuals)
+    before, after = (regression.held_out.without_speed_errors(residual) for residual in residuals)
     return HoldOutResult(result.rows, before[result.rows], after[result.rows])
 
 
@@ -198,9 +198,11 @@ def _left_out_residuals(regression: WhitenedRegression, columns: Array) -> Array
     left_out = residual.copy()
     for number in np.unique(regression.block[regression.used]):
         rows = np.flatnonzero(regression.block == number)
-        own = design[rows]
-        change = solve_normal_equations(total - own.T @ own, own.T @ residual[rows])
-        left_out[rows] += own @ change
+        design_of_block = design[rows]
+        change = solve_normal_equations(
+            total - design_of_block.T @ design_of_block, design_of_block.T @ residual[rows]
+        )
+        left_out[rows] += design_of_block @ change
     return np.asarray(left_out / (regression.scale * regression.weight))
 
 
@@ -226,8 +228,8 @@ def evaluate_hold_out(
     data, held_out = regression.data, regression.held_out
     if other_drives:
         plain, extended = (
-            fit_model(held_out, Model(one.curves, fixed=one.active_effects)).model
-            for one in (plain, extended)
+            fit_model(held_out, Model(model.curves, fixed=model.active_effects)).model
+            for model in (plain, extended)
         )
     rows = np.flatnonzero(held_out.used)
     effects = extended.active_effects
@@ -238,8 +240,10 @@ def evaluate_hold_out(
         # At the estimated true slips, as the channel was fitted.
         corrected = evaluate_model(data, extended.curves, effects, regression.slip_correction)
         jacobian = compute_curve_jacobian(data, extended.curves, corrected)
-        own = jacobian[rows]
-        after = after - jacobian @ solve_normal_equations(own.T @ own, own.T @ after[rows])
+        held_jacobian = jacobian[rows]
+        after = after - jacobian @ solve_normal_equations(
+            held_jacobian.T @ held_jacobian, held_jacobian.T @ after[rows]
+        )
     elif channel is not None:
         after = after - channel.prediction_change
     return HoldOutResult(rows, before[rows], after[rows])
@@ -267,17 +271,19 @@ def group_hold_out(
     width = held_blocks(len(data.drives))
     number = -1 - regression.block[rows]
     span = number // width
-    drive_number = np.concatenate([np.full(len(c), i) for i, c in enumerate(data.drives)])[rows]
+    drive_number = data.drive_number[rows]
     t_s = data.column("time_s")[rows]
     held = np.unique(drive_number)
     if other_drives and len(held) >= LEAST_RECORDINGS:
         number = span = drive_number
     spans = []
     for unit in np.unique(span):
-        own = span == unit
-        drive = data.drives[int(drive_number[own][0])]
+        in_span = span == unit
+        drive = data.drives[int(drive_number[in_span][0])]
         start = drive.first_us / 1e6
-        spans.append((drive.name, start + float(t_s[own].min()), start + float(t_s[own].max())))
+        spans.append(
+            (drive.name, start + float(t_s[in_span].min()), start + float(t_s[in_span].max()))
+        )
     if other_drives:
         names = ", ".join(data.drives[int(i)].name for i in held)
         description = f"{len(held)} of {len(data.drives)} recordings: {names}"
@@ -342,7 +348,7 @@ def gain_interval(
     drive = np.zeros(units, dtype=np.int64)
     if stratum is not None:
         drive[numbers] = stratum
-    for own in (share[drive == one] for one in np.unique(drive)):
+    for own in (share[drive == number_of_drive] for number_of_drive in np.unique(drive)):
         # A single unit says nothing of its drive's scatter: all of its share counts as such.
         size, mean = len(own), float(own.mean()) if len(own) > 1 and units > len(own) else 0.0
         variance += size / max(size - 1, 1) * float(np.sum((own - mean) ** 2))
@@ -370,7 +376,8 @@ def interval_where_it_acts(
     """
     numbers = np.unique(unit, return_inverse=True)[1]
     b, a, acting = (
-        np.bincount(numbers, one**2).astype(np.float64) for one in (before, after, before - after)
+        np.bincount(numbers, residual**2).astype(np.float64)
+        for residual in (before, after, before - after)
     )
     square = float(np.sum(acting**2))
     units = float(acting.sum()) ** 2 / square if square else 0.0

@@ -42,11 +42,11 @@ def imitates_load(regression: WhitenedRegression, without: Model, candidate: Can
         return False
     data = regression.data
     predicted = regression.evaluate_corrected(without).predicted
-    load = np.concatenate([drive.observe().load for drive in data.drives])
+    load = data.observed("load")
     of_gain = regression.whiten((predicted**3 * (load / float(np.median(load))) ** 2)[:, None])
     of_load = regression.whiten(regression.compute_signature(without, candidate))
     columns = regression.build_columns(without)
-    by_gain, by_load = (_explained(regression, columns, one) for one in (of_gain, of_load))
+    by_gain, by_load = (_explained(regression, columns, column) for column in (of_gain, of_load))
     return by_gain >= by_load
 
 
@@ -61,9 +61,9 @@ def _explained(regression: WhitenedRegression, columns: Array, added: Array) -> 
     """
     grams = regression.compute_grams(np.hstack([columns[:, :-1], added, columns[:, -1:]]))
     place = columns.shape[1] - 1
-    own = grams.project_out(range(place), [place])[:, 0]
-    square = float(own @ grams.total @ own)
-    return float(own @ grams.total[:, -1]) ** 2 / square if square > 0.0 else 0.0
+    remainder = grams.project_out(range(place), [place])[:, 0]
+    square = float(remainder @ grams.total @ remainder)
+    return float(remainder @ grams.total[:, -1]) ** 2 / square if square > 0.0 else 0.0
 
 
 def find_growth(
@@ -97,7 +97,7 @@ def find_growth(
     best = min(grown, key=lambda one: one.cross_validated_square)
     named, neither = fit_model(regression, model), fit_model(regression, without)
     by_named, by_growth = (
-        neither.cross_validated_square - one.cross_validated_square for one in (named, best)
+        neither.cross_validated_square - fitted.cross_validated_square for fitted in (named, best)
     )
     if effect is STEPPED_SPEED_ERROR:
         explains = by_growth >= AS_GOOD * by_named and worse_p_value(named, best) >= LEVEL

@@ -21,19 +21,18 @@ def explains_without_changes(changing: Findings, steady: Findings) -> bool:
         steady: Findings without any.
 
     """
-    found, other = changing.selection.best, steady.selection.best
+    best, other = changing.selection.best, steady.selection.best
     if not other.ids and steady.shape is None:
         return False
-    if other.rmse <= (1.0 + LARGEST_LOSS) * found.rmse:
+    if other.rmse <= (1.0 + LARGEST_LOSS) * best.rmse:
         return True
-    regression = changing.prepared.regression
+    regression = changing.regression
     merged = replace(regression, data=merge_surfaces(regression.data))
-    refitted = fit_model(merged, other.fitted.model)
-    return refitted.cross_validated_square <= found.fitted.cross_validated_square
+    refitted = fit_model(merged, other.model)
+    return refitted.cross_validated_square <= best.square
 
 
 def merge_surfaces(data: RegressionData) -> RegressionData:
     """The same rows with one surface for each drive."""
-    number = np.repeat(np.arange(len(data.drives)), [len(drive) for drive in data.drives])
-    surface = np.where(data.surface == EXCLUDED, EXCLUDED, number)
+    surface = np.where(data.surface == EXCLUDED, EXCLUDED, data.drive_number)
     return replace(data, surface=surface, surfaces=len(data.drives))

@@ -13,7 +13,13 @@ import scipy
 
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
-from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, WhitenedRegression
+from adhesion_can.diagnosis.regression.model import Model
+from adhesion_can.diagnosis.regression.whitened_regression import (
+    ITERATIONS,
+    FittedModel,
+    WhitenedRegression,
+    fit_model,
+)
 from adhesion_can.physics.effects.channel_factor import STEP
 
 LEVEL = 0.05
@@ -47,9 +53,19 @@ class ScoredModel:
     sign_flips: Mapping[frozenset[Candidate], float] = field(default_factory=dict)
 
     @property
+    def model(self) -> Model:
+        """The model, fitted."""
+        return self.fitted.model
+
+    @property
+    def square(self) -> float:
+        """Sum of squares of the whitened residuals, each block predicted from the others."""
+        return self.fitted.cross_validated_square
+
+    @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Effects of the model."""
-        return self.fitted.model.candidates
+        return self.model.candidates
 
     @property
     def ids(self) -> frozenset[str]:
@@ -60,7 +76,7 @@ class ScoredModel:
     def held_out_rmse(self) -> float:
         """RMSE of the whitened residuals of blocks that were left out, in deviations of noise."""
         rows = max(float(self.fitted.grams.rows.sum()), 1.0)
-        return float(np.sqrt(self.fitted.cross_validated_square / rows))
+        return float(np.sqrt(self.square / rows))
 
     @property
     def drifts(self) -> bool:
@@ -70,7 +86,7 @@ class ScoredModel:
     @property
     def free_sizes(self) -> tuple[float, ...]:
         """Size of each effect; of one at the end of its range what it would be without it."""
-        model = self.fitted.model
+        model = self.model
         gram = self.fitted.grams.total
         sizes = [values[0] for values in model.values]
         pairs = zip(model.candidates, sizes, strict=True)
@@ -116,8 +132,15 @@ def score_model(
     """A fitted model with its RMSE, and its p-values by sign flips where there are some."""
     residual = regression.residual(fitted.model)
     both = (regression.without_speed_errors(residual), residual)
-    rmse, with_errors = (float(np.sqrt(np.mean(one[regression.used] ** 2))) for one in both)
+    rmse, with_errors = (float(np.sqrt(np.mean(scored[regression.used] ** 2))) for scored in both)
     return ScoredModel(fitted, rmse, with_errors, sign_flips or {})
+
+
+def fit_and_score(
+    regression: WhitenedRegression, model: Model, iterations: int = ITERATIONS
+) -> ScoredModel:
+    """A model, fitted in at most so many iterations, with its RMSE."""
+    return score_model(regression, fit_model(regression, model, iterations))
 
 
 def is_improvement(small: ScoredModel, large: ScoredModel, tested: float) -> bool:
@@ -139,11 +162,11 @@ def find_shortfall(small: ScoredModel, large: ScoredModel, tested: float) -> str
     )
     if not worth:
         return f"gain < {100 * least:g} %"
-    limit = (1.0 - LEAST_WHITENED_GAIN) * small.fitted.cross_validated_square
-    if large.fitted.cross_validated_square >= limit:
+    limit = (1.0 - LEAST_WHITENED_GAIN) * small.square
+    if large.square >= limit:
         return f"block gain < {100 * LEAST_WHITENED_GAIN:g} %"
     by_blocks = gain_p_value(small.fitted, large.fitted) * tested
-    same_family = small.fitted.model.curves.family is large.fitted.model.curves.family
+    same_family = small.model.curves.family is large.model.curves.family
     by_signs = large.sign_flips.get(frozenset(small.candidates), 1.0) if same_family else 1.0
     p_value = min(2.0 * min(by_signs, by_blocks), 1.0)
     return "" if p_value <= LEVEL else f"gain p = {p_value:.2g}"
@@ -151,8 +174,8 @@ def find_shortfall(small: ScoredModel, large: ScoredModel, tested: float) -> str
 
 def is_worse(best: ScoredModel, other: ScoredModel) -> bool:
     """Whether another model of the same size has a significantly larger sum of squares."""
-    limit = (1.0 + INDISTINGUISHABLE_SHARE) * best.fitted.cross_validated_square
-    if other.fitted.cross_validated_square <= limit:
+    limit = (1.0 + INDISTINGUISHABLE_SHARE) * best.square
+    if other.square <= limit:
         return False
     return worse_p_value(best.fitted, other.fitted) < LEVEL
 

@@ -43,7 +43,7 @@ class ModelSelection:
     def rivals(self, candidate: Candidate) -> tuple[str, ...]:
         """Effect ids that can replace one of the best model's effects."""
         others = self.best.ids - {candidate.effect.id}
-        found = {
+        replacing = {
             effect
             for other in self.indistinguishable
             if others <= other.ids
@@ -51,11 +51,11 @@ class ModelSelection:
             if effect != candidate.effect.id
         }
         known = set(self.known_rivals.get(candidate.effect.id, ())) - self.best.ids
-        return tuple(sorted(found | known))
+        return tuple(sorted(replacing | known))
 
     def all_rivals(self) -> dict[str, tuple[str, ...]]:
         """Rivals of every effect of the best model, by id."""
-        return {one.effect.id: self.rivals(one) for one in self.best.candidates}
+        return {candidate.effect.id: self.rivals(candidate) for candidate in self.best.candidates}
 
     def p_value(self, candidate: Candidate, tested: Sequence[Candidate]) -> float:
         """P-value of a selected effect, all effects counted.
@@ -76,15 +76,15 @@ class ModelSelection:
             [float(self.test.p_value[list(tested).index(candidate)])] if candidate in tested else []
         )
         smaller = [
-            one
-            for one in (self.plain, *self.singles, *self.smaller)
-            if one.candidates_missing_from(self.best) == (candidate,)
+            model
+            for model in (self.plain, *self.singles, *self.smaller)
+            if model.candidates_missing_from(self.best) == (candidate,)
         ]
         values = [
             *by_signs,
             *(
-                gain_p_value(one.fitted, self.best.fitted) * self.test.independent
-                for one in smaller
+                gain_p_value(model.fitted, self.best.fitted) * self.test.independent
+                for model in smaller
             ),
         ]
         others = frozenset(self.best.candidates) - {candidate}

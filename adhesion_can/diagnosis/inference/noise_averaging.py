@@ -9,24 +9,16 @@ that time is not known, and neither is how fast the vehicle speed changed betwee
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, score_model
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.normal_quantiles import NORMAL_95
-from adhesion_can.physics.effects import (
-    Change,
-    Contact,
-    ContactEffect,
-    LagStates,
-    Parameter,
-    acts_in_contact,
-)
-from adhesion_can.physics.effects.base import Observability, Requirements
+from adhesion_can.physics.effects import Change, Contact, ContactEffect, LagStates, acts_in_contact
 
 LEAST_DELAY = 0.5
 """Least delay of a signal that is named, in cycles of the slowest one."""
@@ -34,53 +26,21 @@ BACKWARD = 0.3
 """Share of a lag's gain from which the same lag backwards in time makes it an average of noise."""
 
 
-@dataclass(frozen=True, slots=True)
 class Reversed:
     """An effect in the contact with time running backwards.
 
-    Attributes:
+    Args:
         effect: Effect as it is.
         symmetric: Whether it is the mean of both directions: it smooths and is not late.
 
     """
 
-    effect: ContactEffect
-    symmetric: bool = False
-
-    @property
-    def id(self) -> str:
-        """Id of the effect: it has its place in the order of effects."""
-        return self.effect.id
-
-    @property
-    def form(self) -> str:
-        """Form of the effect."""
-        return self.effect.form
-
-    @property
-    def title(self) -> str:
-        """Title of the effect."""
-        return self.effect.title
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters of the effect."""
-        return self.effect.parameters
-
-    @property
-    def literature(self) -> str:
-        """Reference of the effect."""
-        return self.effect.literature
-
-    @property
-    def requires(self) -> Requirements:
-        """Requirements of the effect."""
-        return self.effect.requires
-
-    @property
-    def observability(self) -> Observability:
-        """How the effect shows."""
-        return self.effect.observability
+    def __init__(self, effect: ContactEffect, *, symmetric: bool = False) -> None:
+        self.effect, self.symmetric = effect, symmetric
+        # By its id it has its place in the order of effects.
+        self.id, self.form, self.title = effect.id, effect.form, effect.title
+        self.parameters, self.literature = effect.parameters, effect.literature
+        self.requires, self.observability = effect.requires, effect.observability
 
     def change(self, contact: Contact, values: tuple[float, ...], _lags: LagStates) -> Change:
         """Change of the contacts, rows of one axle in the order of time."""
@@ -97,9 +57,10 @@ class Reversed:
             adhesion=contact.adhesion[::-1],
             covariates={name: x[::-1] for name, x in contact.covariates.items()},
         )
-        found = self.effect.change(back, values, LagStates())
-        factor = found.factor
-        slip, factor = found.slip[::-1], factor[::-1] if isinstance(factor, np.ndarray) else factor
+        change = self.effect.change(back, values, LagStates())
+        slip, factor = change.slip[::-1], change.factor
+        if isinstance(factor, np.ndarray):
+            factor = factor[::-1]
         if self.symmetric:
             slip = 0.5 * (slip + self.effect.change(contact, values, LagStates()).slip)
         return Change(slip, factor)
@@ -118,7 +79,7 @@ def averages_noise(
         lags: Lags and delays among its effects.
 
     """
-    model = best.fitted.model
+    model = best.model
     smaller, backward = model, model
     for lag in lags:
         smaller, _, values = remove_effect(smaller, smaller.candidates.index(lag))
@@ -131,10 +92,10 @@ def averages_noise(
             turned = lag.active(tuple(-value for value in values))
         backward = replace(backward, fixed=(*backward.fixed, turned))
     # From where the model stood: a fit of its own may have been given up early.
-    without = score_model(regression, fit_model(regression, smaller))
+    without = fit_and_score(regression, smaller)
     squares = (
-        without.fitted.cross_validated_square,
-        best.fitted.cross_validated_square,
+        without.square,
+        best.square,
         fit_model(regression, backward).cross_validated_square,
     )
     before, forward, back = squares
@@ -154,7 +115,7 @@ def without_short_delay(
         lags: Lags and delays among its effects.
 
     """
-    model = best.fitted.model
+    model = best.model
     std = np.sqrt(best.fitted.covariance.diagonal())
     least = LEAST_DELAY * max(drive.kinematics.cycle_s for drive in regression.data.drives)
     places = [model.candidates.index(lag) for lag in lags if not acts_in_contact(lag.effect)]
@@ -167,4 +128,4 @@ def without_short_delay(
     if not short:
         return None
     smaller, _, _ = remove_effect(model, min(short, key=lambda place: sizes[place]))
-    return score_model(regression, fit_model(regression, smaller))
+    return fit_and_score(regression, smaller)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from adhesion_can.diagnosis.drive.drive_data import DriveData
+from adhesion_can.diagnosis.drive.drive_data import DriveData, observed_column
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.physics.effects import Effect
 
@@ -20,7 +20,7 @@ def is_at_one_speed(drives: Iterable[DriveData]) -> bool:
         drives: Rows of all drives.
 
     """
-    speed = np.concatenate([drive.observe().speed for drive in drives])
+    speed = observed_column(drives, "speed")
     low, middle, high = np.quantile(speed, [0.05, 0.5, 0.95])
     return bool(high - low < SPEED_RANGE * middle)
 
@@ -38,15 +38,19 @@ def find_rivals_at_one_speed(
         tested: Effects that were tested.
 
     """
-    own = {
-        one.rival
-        for one in named.effect.observability.separations
-        if np.sign(size) in one.one_speed_signs
+    rivals_of_named = {
+        separation.rival
+        for separation in named.effect.observability.separations
+        if np.sign(size) in separation.one_speed_signs
     }
-    others = {one.effect for one in tested if one.effect.id != named.effect.id}
-    return {other.id for other in others if other.id in own or _is_like(other, named.effect)}
+    others = {candidate.effect for candidate in tested if candidate.effect.id != named.effect.id}
+    return {
+        other.id for other in others if other.id in rivals_of_named or _is_like(other, named.effect)
+    }
 
 
 def _is_like(other: Effect, named: Effect) -> bool:
     separations = other.observability.separations
-    return any(one.rival == named.id and one.one_speed_signs for one in separations)
+    return any(
+        separation.rival == named.id and separation.one_speed_signs for separation in separations
+    )

@@ -8,24 +8,23 @@ decide is used, and a rival that is significantly worse is dropped.
 from dataclasses import replace
 
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, is_worse, score_model
-from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score, is_worse
 
 
-def part_rivals(found: Findings) -> Findings:
+def part_rivals(findings: Findings) -> Findings:
     """The findings with the rivals that all rows of all drives leave, the best one selected.
 
     Args:
-        found: Findings of steps 2 to 6; of a single drive they stay as they are.
+        findings: Findings of steps 2 to 6; of a single drive they stay as they are.
 
     """
-    regression, selection = found.prepared.regression, found.selection
+    regression, selection = findings.regression, findings.selection
     rivals = (selection.best, *selection.indistinguishable)
     if len(regression.data.drives) < 2 or len(rivals) < 2 or not selection.best.candidates:
-        return found
+        return findings
     everything = regression.last_fit
-    fits = [score_model(everything, fit_model(everything, one.fitted.model)) for one in rivals]
-    place = min(range(len(fits)), key=lambda k: fits[k].fitted.cross_validated_square)
+    fits = [fit_and_score(everything, rival.model) for rival in rivals]
+    place = min(range(len(fits)), key=lambda k: fits[k].square)
     left: list[ScoredModel] = [
         one
         for k, (one, fit) in enumerate(zip(rivals, fits, strict=True))
@@ -33,5 +32,5 @@ def part_rivals(found: Findings) -> Findings:
     ]
     # The selected model stays where it is as good: it was preferred for a reason.
     best = selection.best if selection.best in left else rivals[place]
-    others = tuple(one for one in (rivals[place], *left) if one is not best)
-    return replace(found, selection=replace(selection, best=best, indistinguishable=others))
+    others = tuple(model for model in (rivals[place], *left) if model is not best)
+    return replace(findings, selection=replace(selection, best=best, indistinguishable=others))

@@ -19,7 +19,7 @@ def prefer_measured_cause(best: ScoredModel, equal: Sequence[ScoredModel]) -> Sc
     """
     if not best.drifts:
         return best
-    return next((one for one in equal if not one.drifts), best)
+    return next((model for model in equal if not model.drifts), best)
 
 
 def channel_for_drift(
@@ -37,22 +37,22 @@ def channel_for_drift(
 
     """
     rest = {c for c in best.candidates if not c.effect.observability.drift}
-    without = next((one for one in smaller if set(one.candidates) == rest), None)
+    without = next((model for model in smaller if set(model.candidates) == rest), None)
     if not best.drifts or without is None:
         return None
-    square = without.fitted.cross_validated_square
-    least = DRIFT_SHARE * (square - best.fitted.cross_validated_square)
-    for one in pool:
-        added = set(one.candidates) - rest
+    square = without.square
+    least = DRIFT_SHARE * (square - best.square)
+    for model in pool:
+        added = set(model.candidates) - rest
         by_channel = len(added) == 1 and next(iter(added)).effect.id.startswith(PREFIX)
-        if by_channel and square - one.fitted.cross_validated_square >= least:
-            return one
+        if by_channel and square - model.square >= least:
+            return model
     return None
 
 
 def prefer_fewest_parameters(best: ScoredModel, equal: Sequence[ScoredModel]) -> ScoredModel:
     """Of indistinguishable forms of the same effects the one with the fewest parameters."""
-    same = [best, *(one for one in equal if one.ids == best.ids)]
+    same = [best, *(model for model in equal if model.ids == best.ids)]
     return min(same, key=lambda one: sum(c.size for c in one.candidates))
 
 
@@ -64,13 +64,13 @@ def prefer_contact(
     A share of the braking force that is not measured is an asymmetry of the adhesion: which of them
     fits better by a hundredth of what both explain would be chance.
     """
-    square = plain.fitted.cross_validated_square
-    explained = square - best.fitted.cross_validated_square
+    square = plain.square
+    explained = square - best.square
     twins = [
-        one
-        for one in pool
-        if len(one.candidates) == len(best.candidates)
-        and square - one.fitted.cross_validated_square >= (1.0 - SAME_WORDS) * explained
+        model
+        for model in pool
+        if len(model.candidates) == len(best.candidates)
+        and square - model.square >= (1.0 - SAME_WORDS) * explained
     ]
     return max(
         [best, *twins], key=lambda one: sum(acts_in_contact(c.effect) for c in one.candidates)

@@ -44,7 +44,7 @@ MOST_LEFT = 0.1
 """Share of what a formula explains that a spline in its channel may explain besides."""
 
 
-def with_formula(found: Findings) -> Findings:
+def propose_formula(findings: Findings) -> Findings:
     """The findings with a formula for a channel that matters; as they are where there is none.
 
     A formula takes the place of a factor that is linear in a user's channel, where that is not the
@@ -52,52 +52,53 @@ def with_formula(found: Findings) -> Findings:
     none is proposed: a model has one. Nor is one put in the place of an effect that explains the
     data by a size that no vehicle has.
     """
-    best = found.selection.best
+    best = findings.selection.best
     if any(candidate.effect.id == FORMULA for candidate in best.candidates):
-        return found
-    if found.selection.implausible and not best.candidates:
-        return found
+        return findings
+    if findings.selection.implausible and not best.candidates:
+        return findings
     of_channels = [c for c in best.candidates if c.effect.id.startswith(PREFIX)]
     # The one with the largest part left to a spline first: another may have stood for its bend.
-    left_to = {PREFIX + one.channel.name: one.gain for one in found.channels_of_best}
+    left_to = {
+        PREFIX + dependence.channel.name: dependence.gain
+        for dependence in findings.channels_of_best
+    }
     linear = [c for c in of_channels if c.effect.form == LINEAR]
-    left = _left_over(found)
+    left = _left_over(findings)
     if not linear and left is None:
-        return found
-    channels = _possible_channels(found)
+        return findings
+    channels = _possible_channels(findings)
     for candidate in sorted(linear, key=lambda c: -left_to.get(c.effect.id, 0.0)):
-        without = found.fitted_with(tuple(c for c in best.candidates if c is not candidate))
+        without = findings.fitted_with(tuple(c for c in best.candidates if c is not candidate))
         name = candidate.effect.id.removeprefix(PREFIX)
         if without is not None and name in channels:
-            found = _extended(found, name, channels, without, best) or found
-            if found.selection.best is not best:
-                return found
+            findings = _extended(findings, name, channels, without, best) or findings
+            if findings.selection.best is not best:
+                return findings
     if left is None or PREFIX + left.channel.name in {c.effect.id for c in of_channels}:
-        return found
-    return _extended(found, left.channel.name, channels, best, None) or found
+        return findings
+    return _extended(findings, left.channel.name, channels, best, None) or findings
 
 
-def _left_over(found: Findings) -> ResidualChannel | None:
+def _left_over(findings: Findings) -> ResidualChannel | None:
     """Channel on which the selected model's residual depends most, where a formula may have it."""
-    if found.oscillates or found.saturated:
+    if findings.oscillates or findings.saturated:
         return None
     # Time and position follow whatever varies slowly.
     possible = (
-        one
-        for one in found.channels_of_best
-        if one.p_value <= found.channel_alpha
-        and one.gain >= SECOND_LEAST_GAIN
-        and _is_possible(one.channel, found)
+        dependence
+        for dependence in findings.significant_channels_of_best
+        if dependence.gain >= SECOND_LEAST_GAIN and _is_possible(dependence.channel, findings)
     )
     return next(possible, None)
 
 
-def _is_possible(channel: Channel, found: Findings) -> bool:
+def _is_possible(channel: Channel, findings: Findings) -> bool:
     """Whether a formula may depend on a channel: a quantity that an estimator online knows.
 
     A load that was computed from efforts and geometry is no measurement.
     """
-    drives = found.prepared.regression.data.drives
+    drives = findings.regression.data.drives
     if channel.name == LOAD and not all(drive.has_load for drive in drives):
         return False
     if channel.kind is not ChannelKind.FACTOR or channel.period or channel.levels is not None:
@@ -108,19 +109,19 @@ def _is_possible(channel: Channel, found: Findings) -> bool:
     return channel.name in FORMULA_CHANNELS
 
 
-def _possible_channels(found: Findings) -> dict[str, FormulaChannel]:
+def _possible_channels(findings: Findings) -> dict[str, FormulaChannel]:
     """Channels on which a formula may depend, by their names in reports."""
-    regression, best = found.prepared.regression, found.selection.best.fitted.model
+    regression, best = findings.regression, findings.selection.best.model
     channels = build_channels(regression.data, regression.evaluate_corrected(best))
     return {
-        one.name: FormulaChannel(model_channel(one.name), one.unit, one.values)
-        for one in channels
-        if _is_possible(one, found)
+        channel.name: FormulaChannel(model_channel(channel.name), channel.unit, channel.values)
+        for channel in channels
+        if _is_possible(channel, findings)
     }
 
 
 def _extended(
-    found: Findings,
+    findings: Findings,
     channel: str,
     channels: Mapping[str, FormulaChannel],
     rest: ScoredModel,
@@ -129,31 +130,31 @@ def _extended(
     """The findings with a formula in a channel beside other effects; None without one.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         channel: Name of the channel on which the formula depends.
         channels: Channels on which a formula may depend, by name.
         rest: Model without the channel.
         straight: Model with a factor that is linear in the channel; None: it is to be fitted.
 
     """
-    fits = _fit_formulas(found, channel, channels, rest)
-    fits = [one for one in fits if straight is None or _kind(one) != STRAIGHT]
+    fits = _fit_formulas(findings, channel, channels, rest)
+    fits = [fit for fit in fits if straight is None or _kind(fit) != STRAIGHT]
     fits += [] if straight is None else [straight]
     chosen, rivals = _choose(fits)
     if chosen is None:
         return None
     if chosen is not straight:
-        bent = _with_chosen(found, channel, rest, chosen, rivals, len(fits))
+        bent = _with_chosen(findings, channel, rest, chosen, rivals, len(fits))
         if bent is not None or straight is None:
             return bent
     # The straight line stays; what else it might be is told.
-    others = tuple(_text(one) for one in (chosen, *rivals) if one is not straight)
-    known = {**found.selection.formulas, PREFIX + channel: others}
-    return replace(found, selection=replace(found.selection, formulas=known))
+    others = tuple(_text(model) for model in (chosen, *rivals) if model is not straight)
+    known = {**findings.selection.formulas, PREFIX + channel: others}
+    return replace(findings, selection=replace(findings.selection, formulas=known))
 
 
 def _with_chosen(
-    found: Findings,
+    findings: Findings,
     channel: str,
     rest: ScoredModel,
     chosen: ScoredModel,
@@ -161,36 +162,36 @@ def _with_chosen(
     fitted: int,
 ) -> Findings | None:
     """The findings with a chosen formula; None where it gains too little, or leaves too much."""
-    tested = len(found.prepared.candidates) + fitted
+    tested = len(findings.prepared.candidates) + fitted
     if not is_improvement(rest, chosen, tested):
         return None
-    best, smaller = drop_needless(found.prepared.regression, chosen, tested)
-    known = found.selection.all_rivals()
+    best, smaller = drop_needless(findings.regression, chosen, tested)
+    known = findings.selection.all_rivals()
     # A formula in the place of a straight line has the line's rivals.
     known[FORMULA] = known.pop(PREFIX + channel, ())
     selection = replace(
-        found.selection,
+        findings.selection,
         best=best,
         indistinguishable=(),
         smaller=(*smaller, rest),
         formulas={FORMULA: tuple(map(_text, rivals))},
         known_rivals=known,
     )
-    extended = replace(found, selection=selection)
+    extended = replace(findings, selection=selection)
     return extended if _describes(extended, channel, rest) else None
 
 
 def _fit_formulas(
-    found: Findings, channel: str, channels: Mapping[str, FormulaChannel], rest: ScoredModel
+    findings: Findings, channel: str, channels: Mapping[str, FormulaChannel], rest: ScoredModel
 ) -> list[ScoredModel]:
     """Fitted models with one formula each beside other effects, the most promising of each form."""
-    regression = found.prepared.regression
+    regression = findings.regression
     sequence = not any(drive.independent for drive in regression.data.drives)
     others = [one for name, one in channels.items() if name != channel]
     candidates = build_formulas(channels[channel], others, sequence=sequence)
     forms: dict[str, int] = {}
     fits = []
-    for proposal in propose_effects(regression, rest.fitted.model, candidates):
+    for proposal in propose_effects(regression, rest.model, candidates):
         form = proposal.model.candidates[-1].effect.form
         if proposal.gain <= 0.0 or forms.get(form, 0) == MOST_FITS:
             continue
@@ -209,49 +210,50 @@ def _choose(fits: Sequence[ScoredModel]) -> tuple[ScoredModel | None, list[Score
     """
     if not fits:
         return None, []
-    ranked = sorted(fits, key=lambda one: one.fitted.cross_validated_square)
+    ranked = sorted(fits, key=lambda fit: fit.square)
     best = ranked[0]
-    equal = [one for one in ranked if one is best or not _is_beaten(one, best, len(fits))]
+    equal = [model for model in ranked if model is best or not _is_beaten(model, best, len(fits))]
     # Of those with as few constants a straight line is the simplest.
     chosen = min(
-        equal, key=lambda one: (sum(c.size for c in one.candidates), not _is_straight(one))
+        equal, key=lambda model: (sum(c.size for c in model.candidates), not _is_straight(model))
     )
-    rivals = {_kind(one): one for one in reversed(equal) if _kind(one) != _kind(chosen)}
+    rivals = {_kind(model): model for model in reversed(equal) if _kind(model) != _kind(chosen)}
     return chosen, list(reversed(rivals.values()))
 
 
-def _is_beaten(one: ScoredModel, best: ScoredModel, tested: int) -> bool:
+def _is_beaten(scored: ScoredModel, best: ScoredModel, tested: int) -> bool:
     """Whether the best formula is better by more than chance allows, so many counted."""
-    square = best.fitted.cross_validated_square
-    if one.fitted.cross_validated_square <= (1.0 + INDISTINGUISHABLE_SHARE) * square:
+    square = best.square
+    if scored.square <= (1.0 + INDISTINGUISHABLE_SHARE) * square:
         return False
-    return gain_p_value(one.fitted, best.fitted) * tested <= LEVEL
+    return gain_p_value(scored.fitted, best.fitted) * tested <= LEVEL
 
 
 def _describes(extended: Findings, channel: str, rest: ScoredModel) -> bool:
     """Whether a formula leaves little of what its channel does."""
     best = extended.selection.best
-    own = (one for one in extended.channels_of_best if one.channel.name == channel)
-    left = next(own, None)
+    of_channel = (
+        dependence for dependence in extended.channels_of_best if dependence.channel.name == channel
+    )
+    left = next(of_channel, None)
     if left is None or (left.p_value > extended.channel_alpha and left.gain < SECOND_LEAST_GAIN):
         return True
-    remaining = best.rmse**2 * (1.0 - (1.0 - left.gain) ** 2)
-    return remaining <= MOST_LEFT * (rest.rmse**2 - best.rmse**2)
+    return left.explained_square(best.rmse) <= MOST_LEFT * (rest.rmse**2 - best.rmse**2)
 
 
-def _kind(one: ScoredModel) -> str:
-    effect = one.candidates[-1].effect
+def _kind(scored: ScoredModel) -> str:
+    effect = scored.candidates[-1].effect
     return effect.kind if isinstance(effect, Formula) else STRAIGHT
 
 
-def _is_straight(one: ScoredModel) -> bool:
-    return _kind(one) == STRAIGHT
+def _is_straight(scored: ScoredModel) -> bool:
+    return _kind(scored) == STRAIGHT
 
 
-def _text(one: ScoredModel) -> str:
+def _text(scored: ScoredModel) -> str:
     """A fitted formula as text, its constants in it."""
-    candidate: Candidate = one.candidates[-1]
-    model = one.fitted.model
+    candidate: Candidate = scored.candidates[-1]
+    model = scored.model
     values = model.values[-1]
     named = zip(candidate.free_parameters, values, strict=True)
     constants = ", ".join(f"{p.name} = {np.format_float_positional(v, 3, fractional=False)}"

@@ -7,6 +7,7 @@ from math import inf
 from adhesion_can.diagnosis.inference.model_comparison import (
     LEAST_WHITENED_GAIN,
     ScoredModel,
+    fit_and_score,
     score_model,
 )
 from adhesion_can.diagnosis.inference.propose_effects import EffectProposal, propose_effects
@@ -54,12 +55,12 @@ def fit_pairs(
 
     """
     ranked: list[tuple[float, EffectProposal]] = []
-    for one in singles[:PAIRED_SINGLES]:
-        others = [c for c in candidates if one.admits(c)]
-        own = 1.0 - one.fitted.cross_validated_square / plain_square
+    for single in singles[:PAIRED_SINGLES]:
+        others = [c for c in candidates if single.admits(c)]
+        gain_of_single = 1.0 - single.square / plain_square
         ranked += [
-            (own + proposal.gain * (1.0 - own), proposal)
-            for proposal in propose_effects(regression, one.fitted.model, others)[:PARTNERS]
+            (gain_of_single + proposal.gain * (1.0 - gain_of_single), proposal)
+            for proposal in propose_effects(regression, single.model, others)[:PARTNERS]
             if proposal.gain > LEAST_WHITENED_GAIN
         ]
     ranked.sort(key=lambda pair: -pair[0])
@@ -71,7 +72,7 @@ def fit_pairs(
         chosen.setdefault(pair, proposal)
         sign_flips.setdefault(pair, {}).update(proposal.sign_flips)
     fits = race(regression, list(chosen.values())[: 2 * PARTNERS])
-    return [replace(one, sign_flips=sign_flips[frozenset(one.candidates)]) for one in fits]
+    return [replace(fit, sign_flips=sign_flips[frozenset(fit.candidates)]) for fit in fits]
 
 
 def fit_members(
@@ -89,12 +90,12 @@ def fit_members(
         singles: Models with one effect that were fitted.
 
     """
-    known = {one.candidates for one in singles}
+    known = {single.candidates for single in singles}
     missing = [c for c in pair.candidates if (c,) not in known]
     if not missing:
         return []
     return [
-        score_model(regression, fit_model(regression, proposal.model))
+        fit_and_score(regression, proposal.model)
         for proposal in propose_effects(regression, plain.model, missing)
     ]
 
@@ -113,4 +114,4 @@ def race(regression: WhitenedRegression, proposals: Sequence[EffectProposal]) ->
         fitted = fit_model(regression, proposal.model, hopeless=FAR_BEHIND * best)
         best = min(best, fitted.grams.square)
         fits.append(score_model(regression, fitted, proposal.sign_flips))
-    return sorted(fits, key=lambda one: one.fitted.cross_validated_square)
+    return sorted(fits, key=lambda fit: fit.square)

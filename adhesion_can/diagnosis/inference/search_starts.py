@@ -33,7 +33,7 @@ def with_starts(
     own = [replace(candidate, axle=int(axle)) for axle in axles]
     kinds = {parameter.search for parameter in candidate.free_parameters[1:]}
     if SearchStart.STEP_TIME in kinds:
-        return [replace(one, starts=((find_step_time(drives[0]),),)) for one in own], ""
+        return [replace(candidate, starts=((find_step_time(drives[0]),),)) for candidate in own], ""
     if SearchStart.WHEEL_PHASE in kinds:
         return _with_phases(own, drives[0])
     return own, ""

@@ -48,23 +48,23 @@ def select_effects(
     if not candidates or most < 1:
         return ModelSelection(plain, plain, (), (), test)
     fitted = fit_singles(regression, prepared.plain, candidates)
-    singles = [one for one in fitted if one.is_plausible]
+    singles = [scored for scored in fitted if scored.is_plausible]
     # A size that no vehicle has is no explanation, however well it fits.
     implausible = tuple(
         one
-        for one in takewhile(lambda one: not one.is_plausible, fitted)
+        for one in takewhile(lambda scored: not scored.is_plausible, fitted)
         if is_improvement(plain, one, test.independent)
     )
     # The best in whitened noise may only smooth it, and miss the adhesion as much as before.
-    improving = [one for one in singles if is_improvement(plain, one, test.independent)]
+    improving = [single for single in singles if is_improvement(plain, single, test.independent)]
     if not improving:
         return ModelSelection(plain, plain, (), tuple(singles), test, implausible=implausible)
     best, pool = improving[0], improving
     fitted_pairs: list[ScoredModel] = []
     if most > 1:
-        square = plain.fitted.cross_validated_square
+        square = plain.square
         fitted_pairs = fit_pairs(regression, square, fitted, candidates)
-    pairs = [one for one in fitted_pairs if one.is_plausible]
+    pairs = [pair for pair in fitted_pairs if pair.is_plausible]
     if (
         pairs
         and is_improvement(best, pairs[0], test.independent)
@@ -74,16 +74,22 @@ def select_effects(
         singles += fit_members(regression, prepared.plain, best, singles)
     elif _is_imitation(best, fitted):
         return ModelSelection(plain, plain, (), tuple(singles), test, implausible=implausible)
-    best = prefer_measured_cause(best, [one for one in pool if not is_worse(best, one)])
+    best = prefer_measured_cause(best, [model for model in pool if not is_worse(best, model)])
     measured = channel_for_drift(best, pool, [plain, *singles])
     drift = () if measured is None else (best,)
     best = measured or best
-    best = prefer_fewest_parameters(best, [one for one in pool if not is_worse(best, one)])
+    best = prefer_fewest_parameters(best, [model for model in pool if not is_worse(best, model)])
     best = prefer_contact(best, pool, plain)
-    equal = tuple(one for one in pool if one not in (best, *drift) and not is_worse(best, one))
+    equal = tuple(
+        model for model in pool if model not in (best, *drift) and not is_worse(best, model)
+    )
     equal += drift
-    found = ModelSelection(plain, best, equal, tuple(singles), test, implausible=implausible)
-    return found if most < MOST_EFFECTS else with_further_channels(regression, found, candidates)
+    selection = ModelSelection(plain, best, equal, tuple(singles), test, implausible=implausible)
+    return (
+        selection
+        if most < MOST_EFFECTS
+        else with_further_channels(regression, selection, candidates)
+    )
 
 
 def _is_imitation(best: ScoredModel, fitted: Sequence[ScoredModel]) -> bool:
@@ -91,4 +97,4 @@ def _is_imitation(best: ScoredModel, fitted: Sequence[ScoredModel]) -> bool:
 
     What is there is then none of the effects that were tried.
     """
-    return any(not one.is_plausible and is_worse(one, best) for one in fitted)
+    return any(not scored.is_plausible and is_worse(scored, best) for scored in fitted)

@@ -101,13 +101,13 @@ def compare_with_sensors(
 
     """
     unknown = NoiseComparison(float(np.sqrt(np.mean(noise**2))) if len(noise) else 0.0, None)
-    found = _estimate_variance(regression, model)
-    if found is None or not len(noise):
+    row_variance = _estimate_variance(regression, model)
+    if row_variance is None or not len(noise):
         return unknown
     left = regression.residual(model)[regression.used]
-    groups = (found.is_by_slip, ~found.is_by_slip)
+    groups = (row_variance.is_by_slip, ~row_variance.is_by_slip)
     compared = [
-        _compare(noise[own], left[own], found.variance[own], found.std_error)
+        _compare(noise[own], left[own], row_variance.variance[own], row_variance.std_error)
         for own in groups
         if own.any() and np.count_nonzero(own) >= LEAST_SHARE * len(own)
     ]
@@ -128,11 +128,11 @@ def compare_where_effort_is_noisy(regression: WhitenedRegression, model: Model) 
         do not show it or where there are hardly such rows.
 
     """
-    found = _estimate_variance(regression, model)
-    if found is None or np.mean(~found.is_by_slip) < LEAST_SHARE:
+    row_variance = _estimate_variance(regression, model)
+    if row_variance is None or np.mean(~row_variance.is_by_slip) < LEAST_SHARE:
         return None
     left = regression.residual(model)[regression.used]
-    return trimmed_rms((left / np.sqrt(found.variance))[~found.is_by_slip])
+    return trimmed_rms((left / np.sqrt(row_variance.variance))[~row_variance.is_by_slip])
 
 
 class _RowVariance(NamedTuple):
@@ -156,17 +156,14 @@ def _estimate_variance(regression: WhitenedRegression, model: Model) -> _RowVari
     evaluation = regression.evaluate_corrected(model)
     slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     columns = np.stack([np.abs(slope * evaluation.factor), regression.residual(model)])
-    ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
-    parts = zip(
-        data.drives, regression.speed_error_std, np.split(columns, ends, axis=1), strict=True
-    )
+    parts = zip(data.drives, regression.speed_error_std, data.split(columns), strict=True)
     variances, errors = [], []
     for drive, speed_std, (steepness, residual) in parts:
-        own = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)
-        if drive.independent or not _is_bounded(own, is_residual=drive.table):
+        effort_noise = _estimate_residual(drive, residual) if drive.table else _effort_noise(drive)
+        if drive.independent or not _is_bounded(effort_noise, is_residual=drive.table):
             return None
-        variances.append(_variance_of_rows(drive, own, float(speed_std), steepness))
-        errors.append(own.std_error / own.std if own.std else 0.0)
+        variances.append(_variance_of_rows(drive, effort_noise, float(speed_std), steepness))
+        errors.append(effort_noise.std_error / effort_noise.std if effort_noise.std else 0.0)
     by_effort, by_slip = np.concatenate(variances, axis=1)[:, regression.used]
     variance = by_effort + by_slip
     if not len(variance) or not (variance > 0.0).all():

@@ -98,8 +98,8 @@ def find_saturation(effort: Array) -> tuple[float, float] | None:
 
 def find_largest_oscillation(drives: Sequence[DriveData]) -> DriveTrainOscillation | None:
     """Oscillation with the largest effect on the adhesion in any drive; None: no drive has one."""
-    found = [one for drive in drives if (one := find_oscillation(drive)) is not None]
-    return max(found, key=lambda one: one.adhesion, default=None)
+    oscillations = [one for drive in drives if (one := find_oscillation(drive)) is not None]
+    return max(oscillations, key=lambda one: one.adhesion, default=None)
 
 
 def find_oscillation(drive: DriveData) -> DriveTrainOscillation | None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.inference.candidates import LEAST_ROWS
+from adhesion_can.diagnosis.inference.insufficient_data import LEAST_ROWS
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks
 
 SHORT = 0.75

@@ -14,7 +14,7 @@ from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
 from adhesion_can.diagnosis.inference.split_hold_out import SHORT
 from adhesion_can.diagnosis.next_drive.catalogue import QUICK_S, build_catalogue
-from adhesion_can.diagnosis.next_drive.discrepancy import Comparison, FittedRival, Pair
+from adhesion_can.diagnosis.next_drive.discrepancy import ExplanationComparison, FittedRival, Pair
 from adhesion_can.diagnosis.next_drive.drive_setting import (
     DriveSetting,
     build_drive_setting,
@@ -23,11 +23,7 @@ from adhesion_can.diagnosis.next_drive.drive_setting import (
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
 from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart
 from adhesion_can.diagnosis.next_drive.result import NextDrive, PairDiscrepancy
-from adhesion_can.diagnosis.next_drive.search import (
-    Compute,
-    DriveSequence,
-    find_shortest,
-)
+from adhesion_can.diagnosis.next_drive.search import Compute, DriveSequence, find_shortest
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
@@ -58,7 +54,7 @@ PARTS = 3
 
 
 def compute_next_drive(
-    found: Findings,
+    findings: Findings,
     explanations: Sequence[Explanation],
     limits: PlanLimits,
     rivals: Sequence[str] = (),
@@ -66,21 +62,21 @@ def compute_next_drive(
     """The drive that would distinguish what is left of explanations.
 
     Args:
-        found: Findings of a diagnosis.
+        findings: Findings of a diagnosis.
         explanations: Explanations that are left.
         limits: Limits within which the plan drives.
         rivals: Ids of the rivals of the named effects.
 
     """
-    regression = found.prepared.regression.last_fit
-    fitted = found.selection.best.fitted
-    setting = build_drive_setting(regression, fitted, found.block_length_s)
+    regression = findings.regression.last_fit
+    fitted = findings.selection.best.fitted
+    setting = build_drive_setting(regression, fitted, findings.block_length_s)
     if setting is None:
         return NextDrive((), None, f"No plan: {describe_setting(regression.data.drives)}.")
     # A longer one would not be taken for a drive that decides.
     longest_s = max(drive.driven_s for drive in regression.data.drives)
     longest_s = min(limits.duration_max, float(np.floor(SHORT * longest_s)))
-    names = tuple(one.name for one in explanations)
+    names = tuple(explanation.name for explanation in explanations)
     if len(names) == 1 and rivals:
         return NextDrive(names, None, _describe_unplanned(names[0], rivals))
     return plan_drive(explanations, setting, replace(limits, duration_max=longest_s))
@@ -97,10 +93,10 @@ def plan_drive(
         limits: Limits within which the plan drives.
 
     """
-    names = tuple(one.name for one in explanations)
+    names = tuple(explanation.name for explanation in explanations)
     if len(explanations) < 2:
         return NextDrive(names, None, _describe_too_few(names))
-    comparison = Comparison(explanations, setting)
+    comparison = ExplanationComparison(explanations, setting)
     nearest = _nearest_curve(explanations[0], setting)
     c1, c2, c3 = curve = _with_peak(nearest)
     peak_slip = float(np.log(c1 * c2 / c3) / c2) if c3 > 0.0 else limits.slip_max
@@ -194,7 +190,7 @@ def power_of(discrepancy: float, level: float = LEVEL) -> float:
 
 
 def _compute_some(
-    comparison: Comparison, missed: Mapping[Pair, float], grams: Mapping[Pair, Array]
+    comparison: ExplanationComparison, missed: Mapping[Pair, float], grams: Mapping[Pair, Array]
 ) -> dict[Pair, float]:
     """Discrepancy of the pairs that are not left out."""
     return comparison.compute(_without(missed, grams))
@@ -231,8 +227,8 @@ def _depends_on_sand(explanations: Sequence[Explanation]) -> bool:
     name = COVARIATES[Role.SANDING]
     return any(
         name in candidate.effect.requires.covariates
-        for one in explanations
-        for candidate in one.model.candidates
+        for explanation in explanations
+        for candidate in explanation.model.candidates
     )
 
 
@@ -241,8 +237,8 @@ def _follows_speed(explanations: Sequence[Explanation]) -> bool:
     return any(
         _is_time_of_signal(candidate)
         and build_instruments([candidate.active(values)]).misread_speed
-        for one in explanations
-        for candidate, values in zip(one.model.candidates, one.model.values, strict=True)
+        for explanation in explanations
+        for candidate, values in explanation.model.estimates
     )
 
 
@@ -255,8 +251,8 @@ def _longest_delay(explanations: Sequence[Explanation]) -> float:
     return max(
         (
             abs(values[0])
-            for one in explanations
-            for c, values in zip(one.model.candidates, one.model.values, strict=True)
+            for explanation in explanations
+            for c, values in explanation.model.estimates
             if _is_time_of_signal(c)
         ),
         default=0.0,
@@ -295,10 +291,12 @@ def _describe_unplanned(name: str, rivals: Sequence[str]) -> str:
     )
 
 
-def _list_pairs(comparison: Comparison, most: DriveSequence | None) -> tuple[PairDiscrepancy, ...]:
+def _list_pairs(
+    comparison: ExplanationComparison, most: DriveSequence | None
+) -> tuple[PairDiscrepancy, ...]:
     if most is None:
         return ()
-    names = [one.name for one in comparison.explanations]
+    names = [explanation.name for explanation in comparison.explanations]
     return tuple(
         PairDiscrepancy(names[a], names[b], value, power_of(value))
         for (a, b), value in comparison.compute(most.grams).items()
@@ -332,7 +330,9 @@ def _describe_curve(nearest: tuple[float, float, float], curve: tuple[float, flo
 
 def _describe_plan(plan: DrivingPlan) -> str:
     steps = "; ".join(f"{step.duration_s:g} s {step.description}" for step in plan.steps)
-    predicted = " ".join(f"If {one.name} holds, {one.predicts}." for one in plan.predictions)
+    predicted = " ".join(
+        f"If {prediction.name} holds, {prediction.predicts}." for prediction in plan.predictions
+    )
     return f"Drive {plan.duration_s:g} s from {plan.start_speed:g} m/s: {steps}. {predicted}"
 
 
@@ -360,7 +360,7 @@ def _size(explanation: Explanation) -> str:
     """The explanation's sizes in brackets; '' without effects."""
     parts = [
         f"{c.free_parameters[0].name} {values[0]:.3g} {unit_text(c.free_parameters[0].unit)}"
-        for c, values in zip(explanation.model.candidates, explanation.model.values, strict=True)
+        for c, values in explanation.model.estimates
     ]
     return f" ({', '.join(part.strip() for part in parts)})" if parts else ""
 

@@ -16,11 +16,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.next_drive.drive_setting import DriveSetting
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
-from adhesion_can.diagnosis.next_drive.planned_drive import (
-    DriveStart,
-    PlannedDrive,
-    predict_drive,
-)
+from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart, PlannedDrive, predict_drive
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks, solve_normal_equations
 from adhesion_can.diagnosis.regression.model import Model, RegressionData, evaluate_model
 from adhesion_can.diagnosis.regression.prepare_regression import design_speed_errors
@@ -58,7 +54,7 @@ class Part:
     speeds: tuple[float, float]
 
 
-class Comparison:
+class ExplanationComparison:
     """Explanations that are compared on planned drives.
 
     Args:
@@ -79,7 +75,10 @@ class Comparison:
 
     def build_part(self, steps: Sequence[PlanStep], start: DriveStart) -> Part:
         """A part of a drive from a state on."""
-        drives = [predict_drive(steps, start, self.setting, one) for one in self.explanations]
+        drives = [
+            predict_drive(steps, start, self.setting, explanation)
+            for explanation in self.explanations
+        ]
         grams = {
             (a, b): self._regression(drives[a]).gram(self.explanations[b].model)
             for a, b in self.pairs
@@ -101,7 +100,10 @@ class Comparison:
 
     def refit(self, steps: Sequence[PlanStep], start: DriveStart) -> dict[Pair, "FittedRival"]:
         """Each rival fitted to what each explanation predicts for a whole drive."""
-        drives = [predict_drive(steps, start, self.setting, one) for one in self.explanations]
+        drives = [
+            predict_drive(steps, start, self.setting, explanation)
+            for explanation in self.explanations
+        ]
         return {
             (a, b): _fit_rival(self._regression(drives[a]), drives[a], self.explanations[b])
             for a, b in self.pairs
@@ -182,13 +184,13 @@ class _PlannedRegression:
         return regression.compute_grams(regression.build_columns(model)).total
 
     def _slope(self, model: Model) -> Array:
-        found = evaluate_model(self._data, model.curves, model.active_effects)
-        return model.curves.slope(found.slip, self._data.surface, found.conditions)
+        evaluated = evaluate_model(self._data, model.curves, model.active_effects)
+        return model.curves.slope(evaluated.slip, self._data.surface, evaluated.conditions)
 
     def _build(self, model: Model) -> WhitenedRegression:
         data, size = self._data, len(self._data)
-        found = evaluate_model(data, model.curves)
-        slope = model.curves.slope(found.slip, data.surface, found.conditions)
+        evaluated = evaluate_model(data, model.curves)
+        slope = model.curves.slope(evaluated.slip, data.surface, evaluated.conditions)
         ones, zeros = np.ones(size), np.zeros(size)
         (drive,) = data.drives
         runs = ContiguousRuns.find(
@@ -198,7 +200,7 @@ class _PlannedRegression:
             data,
             self.scale(model),
             zeros,
-            design_speed_errors(data, found, slope, self._setting.block_length_s),
+            design_speed_errors(data, evaluated, slope, self._setting.block_length_s),
             np.array([self._setting.speed_error.std]),
             zeros,
             Whitener(np.array([1.0]), runs),
@@ -214,8 +216,8 @@ def _fit_rival(
     prior, model = _prior(rival), rival.model
     before = model.parameter_vector
 
-    def cost(one: Model) -> tuple[Array, float]:
-        gram, away = regression.gram(one), one.parameter_vector - before
+    def cost(model: Model) -> tuple[Array, float]:
+        gram, away = regression.gram(model), model.parameter_vector - before
         gram = gram.copy()
         # The prior's pull belongs to the gradient and to the square.
         gram[:-1, -1] -= prior @ away
@@ -239,8 +241,8 @@ def _fit_rival(
         model, gram, square = tried, tried_gram, tried_square
         if done:
             break
-    found = evaluate_model(drive.data, model.curves, model.active_effects)
-    return FittedRival(square, drive, found.residual, regression.scale(model))
+    evaluated = evaluate_model(drive.data, model.curves, model.active_effects)
+    return FittedRival(square, drive, evaluated.residual, regression.scale(model))
 
 
 def add_grams(one: Mapping[Pair, Array], other: Mapping[Pair, Array]) -> dict[Pair, Array]:

@@ -6,14 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.inference.curve_shape import ShapeFinding
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.model_comparison import (
-    ScoredModel,
-    is_worse,
-    score_model,
-)
+from adhesion_can.diagnosis.inference.model_comparison import ScoredModel, fit_and_score, is_worse
 from adhesion_can.diagnosis.inference.propose_effects import propose_effects
+from adhesion_can.diagnosis.inference.shape_finding import ShapeFinding
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import Model, remove_effect
@@ -52,7 +48,7 @@ class Explanation:
 
 
 def build_explanations(
-    found: Findings,
+    findings: Findings,
     *,
     is_confirmed: bool,
     rivals: Mapping[Candidate, Sequence[str]],
@@ -65,55 +61,58 @@ def build_explanations(
     them, and the plain curve.
 
     Args:
-        found: Findings of steps 2 to 6.
+        findings: Findings of steps 2 to 6.
         is_confirmed: Whether the selected effects hold on the held-out data.
         rivals: Ids of the effects that the data cannot distinguish from each named one.
         others: Further models that are to be distinguished, such as refuted ones that help.
 
     """
-    regression = found.prepared.regression.last_fit
-    selection = found.selection
-    if selection.best.candidates or found.shape is not None:
+    regression = findings.regression.last_fit
+    selection = findings.selection
+    if selection.best.candidates or findings.shape is not None:
         known = [selection.best, *selection.indistinguishable]
     else:
-        known = [one for one in selection.singles if _gains(one, selection.plain)]
-    models = [one.fitted.model for one in known if not _is_at_bound(one.fitted.model)]
-    if found.shape is not None:
-        models += _rivals_of_shape(regression, found.shape, found.prepared.candidates)
-    scored = _without_duplicates(_refit(regression, model) for model in (*models, *others))
+        known = [single for single in selection.singles if _gains(single, selection.plain)]
+    models = [known_model.model for known_model in known if not _is_at_bound(known_model.model)]
+    if findings.shape is not None:
+        models += _rivals_of_shape(regression, findings.shape, findings.prepared.candidates)
+    scored = _without_duplicates(fit_and_score(regression, model) for model in (*models, *others))
     if scored:
-        best = min(scored, key=lambda one: one.fitted.cross_validated_square)
-        scored = [one for one in scored if one is best or not is_worse(best, one)]
+        best = min(scored, key=lambda scored_model: scored_model.square)
+        scored = [
+            scored_model
+            for scored_model in scored
+            if scored_model is best or not is_worse(best, scored_model)
+        ]
     # A rival has been called indistinguishable: no test of the blocks takes that back.
-    named = (_refit(regression, model) for model in _models_of_rivals(found, rivals))
+    named = (fit_and_score(regression, model) for model in _models_of_rivals(findings, rivals))
     scored = _without_duplicates([*scored, *named])[:MOST_EXPLANATIONS]
     if not is_confirmed and scored:
-        plain = _refit(regression, found.baseline.fitted.model)
+        plain = fit_and_score(regression, findings.baseline.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
     surface = _largest_surface(regression)
-    return tuple(_explain(one.fitted, surface) for one in scored)
+    return tuple(_explain(scored_model.fitted, surface) for scored_model in scored)
 
 
 def _is_at_bound(model: Model) -> bool:
     """Whether a size is at the end of its range, where no cause is named."""
-    pairs = zip(model.candidates, model.values, strict=True)
     return any(
         parameter.is_at_bound(value)
-        for candidate, values in pairs
+        for candidate, values in model.estimates
         for parameter, value in zip(candidate.free_parameters, values, strict=True)
     )
 
 
-def _gains(one: ScoredModel, plain: ScoredModel) -> bool:
+def _gains(scored: ScoredModel, plain: ScoredModel) -> bool:
     """Whether a model predicts better than the plain one at all."""
-    return one.fitted.cross_validated_square < plain.fitted.cross_validated_square
+    return scored.square < plain.square
 
 
 def _rivals_of_shape(
     regression: WhitenedRegression, shape: ShapeFinding, candidates: Sequence[Candidate]
 ) -> list[Model]:
     """Models on Burckhardt's curve that the data cannot separate from another shape."""
-    start = shape.burckhardt.fitted.model
+    start = shape.burckhardt.model
     found: list[Model] = []
     for rival in shape.rivals:
         own = [candidate for candidate in candidates if candidate.effect.id == rival]
@@ -123,10 +122,10 @@ def _rivals_of_shape(
 
 
 def _models_of_rivals(
-    found: Findings, rivals: Mapping[Candidate, Sequence[str]]
+    findings: Findings, rivals: Mapping[Candidate, Sequence[str]]
 ) -> Iterator[Model]:
     """The selected model with a named effect replaced by each of its rivals, where that fits."""
-    regression, best = found.prepared.regression.last_fit, found.selection.best.fitted.model
+    regression, best = findings.regression.last_fit, findings.selection.best.model
     fitted = fit_model(regression, best)
     for candidate, ids in rivals.items():
         if candidate not in best.candidates:
@@ -135,23 +134,23 @@ def _models_of_rivals(
         square = without.cross_validated_square
         least = AS_GOOD * (square - fitted.cross_validated_square)
         for rival in ids:
-            forms = [one for one in found.prepared.candidates if one.effect.id == rival]
+            forms = [
+                candidate
+                for candidate in findings.prepared.candidates
+                if candidate.effect.id == rival
+            ]
             for proposal in propose_effects(regression, without.model, forms)[:1]:
                 model = fit_model(regression, proposal.model)
                 if square - model.cross_validated_square >= least and not _is_at_bound(model.model):
                     yield model.model
 
 
-def _refit(regression: WhitenedRegression, model: Model) -> ScoredModel:
-    return score_model(regression, fit_model(regression, model))
-
-
 def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
     """The best model of each set of effects, best first: forms are no explanations of their own."""
     best: dict[tuple[str, tuple[tuple[str, int], ...]], ScoredModel] = {}
-    for one in sorted(models, key=lambda one: one.fitted.cross_validated_square):
+    for one in sorted(models, key=lambda model: model.square):
         effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
-        best.setdefault((one.fitted.model.curves.family.name, effects), one)
+        best.setdefault((one.model.curves.family.name, effects), one)
     return list(best.values())
 
 

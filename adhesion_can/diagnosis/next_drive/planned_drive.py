@@ -223,10 +223,10 @@ def _with_efforts(data: RegressionData, model: Model) -> RegressionData:
         (drive,) = data.drives
         drive = replace(drive, kinematics=_add_efforts(drive))
         data = replace(data, drives=(drive,))
-        found = evaluate_model(data, model.curves, model.active_effects)
-        if np.abs(found.residual).max(initial=0.0) < LEAST_RESIDUAL:
+        evaluated = evaluate_model(data, model.curves, model.active_effects)
+        if np.abs(evaluated.residual).max(initial=0.0) < LEAST_RESIDUAL:
             break
-        effort = drive.effort - found.residual * drive.observe().load
+        effort = drive.effort - evaluated.residual * drive.observe().load
         data = replace(data, drives=(replace(drive, effort=effort),))
     return data
 

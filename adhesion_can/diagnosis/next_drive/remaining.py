@@ -85,7 +85,7 @@ class RemainingExplanations:
     @property
     def refutes_plain(self) -> bool:
         """Whether the plain curve is among what was refuted."""
-        return any(one.name == PLAIN for one in self.refuted)
+        return any(explanation.name == PLAIN for explanation in self.refuted)
 
     def without_plain(self) -> "RemainingExplanations":
         """The same where all drives leave more than noise of the plain curve, which is refuted.
@@ -100,9 +100,11 @@ class RemainingExplanations:
     @property
     def sentence(self) -> str:
         """What is left, for a reader."""
-        names = ", ".join((*self.left, *(one.name for one in self.refuted)))
+        names = ", ".join((*self.left, *(explanation.name for explanation in self.refuted)))
         before, by = ", ".join(self.before), ", ".join(self.by)
-        why = "; ".join(f"{one.name} is refuted: {one.reason}" for one in self.refuted)
+        why = "; ".join(
+            f"{explanation.name} is refuted: {explanation.reason}" for explanation in self.refuted
+        )
         if not self.left:
             return (
                 f"No explanation that remained after {before} ({names}) survives {by}: {why}. "
@@ -120,7 +122,7 @@ class RemainingExplanations:
             "before": list(self.before),
             "by": list(self.by),
             "left": list(self.left),
-            "refuted": [asdict(one) for one in self.refuted],
+            "refuted": [asdict(explanation) for explanation in self.refuted],
             "sentence": self.sentence,
         }
 
@@ -141,7 +143,7 @@ def find_remaining(
 
     """
     regression = prepared.regression.last_fit
-    fits = [fit_to_drives(regression, prepared, one.model) for one in explanations]
+    fits = [fit_to_drives(regression, prepared, explanation.model) for explanation in explanations]
     order = sorted(range(len(fits)), key=lambda k: fits[k].cross_validated_square)
     refuted: dict[int, str] = {}
     standing = [k for k in order if not _is_sizeless(fits[k])]
@@ -163,7 +165,7 @@ def find_remaining(
             if reason:
                 refuted[k] = reason
     left = [explanations[k] for k in order if k not in refuted]
-    possible = {key for one in left for key in effect_keys(one.model.candidates)}
+    possible = {key for explanation in left for key in effect_keys(explanation.model.candidates)}
     contradicted = {
         key: p_values.get(k, nan)
         for k in refuted
@@ -173,7 +175,7 @@ def find_remaining(
     return RemainingExplanations(
         tuple(before),
         tuple(by),
-        tuple(one.name for one in left),
+        tuple(explanation.name for explanation in left),
         tuple(RefutedExplanation(explanations[k].name, why) for k, why in refuted.items()),
         left[0] if len(left) == 1 and left[0].name != PLAIN else None,
         max(p_values.values(), default=1.0),
@@ -183,7 +185,7 @@ def find_remaining(
 
 def effect_keys(candidates: Iterable[Candidate]) -> set[tuple[str, int]]:
     """Id and axle of effects: another form of an effect is no other explanation."""
-    return {(one.effect.id, one.axle) for one in candidates}
+    return {(candidate.effect.id, candidate.axle) for candidate in candidates}
 
 
 def fit_to_drives(

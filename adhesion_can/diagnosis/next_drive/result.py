@@ -50,6 +50,8 @@ class NextDrive:
             "duration_s": None if plan is None else plan.duration_s,
             "start_speed": None if plan is None else plan.start_speed,
             "steps": [] if plan is None else [step.description for step in plan.steps],
-            "predictions": [] if plan is None else [asdict(one) for one in plan.predictions],
+            "predictions": []
+            if plan is None
+            else [asdict(prediction) for prediction in plan.predictions],
             "pairs": [asdict(pair) for pair in self.pairs],
         }

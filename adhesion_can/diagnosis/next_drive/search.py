@@ -73,27 +73,27 @@ def find_shortest(
 
     """
     beam: list[DriveSequence] = []
-    found: DriveSequence | None = None
+    best: DriveSequence | None = None
     most: DriveSequence | None = None
     level: list[DriveSequence | None] = [None]
     while level:
         extended: list[DriveSequence] = []
-        for one in level:
+        for sequence in level:
             for manoeuvre in manoeuvres:
-                longer = _extend(one, manoeuvre, start, limits, build_part, compute)
+                longer = _extend(sequence, manoeuvre, start, limits, build_part, compute)
                 if longer is None:
                     continue
                 extended.append(longer)
                 if longer.reached >= wanted and longer.duration_s >= least_s:
-                    found = min(found or longer, longer, key=_by_duration)
-        if found is not None:
-            extended = [x for x in extended if x.duration_s < found.duration_s]
+                    best = min(best or longer, longer, key=_by_duration)
+        if best is not None:
+            extended = [x for x in extended if x.duration_s < best.duration_s]
         extended.sort(key=lambda x: x.rank(wanted, least_s))
         beam = _distinct(extended)[:BEAM]
         if beam and (most is None or beam[0].reached > most.reached):
             most = beam[0]
         level = [*beam]
-    return found, most
+    return best, most
 
 
 def _by_duration(sequence: DriveSequence) -> tuple[float, float]:
@@ -128,9 +128,9 @@ def _distinct(sequences: Sequence[DriveSequence]) -> list[DriveSequence]:
     """Sequences without those that reorder the steps of a better one."""
     seen: set[tuple[str, ...]] = set()
     out = []
-    for one in sequences:
-        key = tuple(sorted(repr(step) for step in one.steps))
+    for sequence in sequences:
+        key = tuple(sorted(repr(step) for step in sequence.steps))
         if key not in seen:
             seen.add(key)
-            out.append(one)
+            out.append(sequence)
     return out

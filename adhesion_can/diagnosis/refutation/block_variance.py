@@ -54,7 +54,7 @@ class VarianceLeft(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class BlockVariance:
+class BlockSumVariance:
     """Variance of the block sums of whitened residuals.
 
     Attributes:
@@ -77,7 +77,7 @@ class BlockVariance:
 
 def compute_block_variance(
     regression: WhitenedRegression, model: Model, row_square: float | None = None
-) -> BlockVariance:
+) -> BlockSumVariance:
     """Variance of the sums of whitened residuals over axle, sign of the slip and block.
 
     Args:
@@ -98,7 +98,7 @@ def compute_block_variance(
         row_square = float(np.mean(whitened**2)) if len(rows) else 1.0
     kept = (cells.rows >= LEAST_ROWS) & (expected > 1.0)
     ratio = sums[kept] ** 2 / np.maximum(expected[kept] * row_square, 1e-300)
-    return BlockVariance(ratio, cells.block[kept], row_square)
+    return BlockSumVariance(ratio, cells.block[kept], row_square)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,12 +153,12 @@ def _predict_shared(
     grams = BlockGramMatrices.from_columns(columns, block).matrices
     information = grams[:, :-1, :-1] + np.eye(design.shape[1])
     errors = np.linalg.solve(information, grams[:, :-1, -1:])
-    own = np.unique(cells.block, return_inverse=True)[1]
+    block_of_cell = np.unique(cells.block, return_inverse=True)[1]
     sums = np.zeros((len(cells.rows), design.shape[1], 1))
     for k, column in enumerate(design.T):
         sums[:, k, 0] = cells.sum(column)
-    variance = np.sum(sums * np.linalg.solve(information[own], sums), axis=(1, 2))
-    return np.sum(sums * errors[own], axis=(1, 2)), variance
+    variance = np.sum(sums * np.linalg.solve(information[block_of_cell], sums), axis=(1, 2))
+    return np.sum(sums * errors[block_of_cell], axis=(1, 2)), variance
 
 
 def compute_variance_left(

@@ -53,16 +53,15 @@ def build_partitions(data: RegressionData, slip: Array) -> list[Partition]:
         slip: Slip ratio of each row at the curve, shape (n,).
 
     """
-    ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
     parts = [
         _quantities(drive, part)
-        for drive, part in zip(data.drives, np.split(slip, ends), strict=True)
+        for drive, part in zip(data.drives, data.split(slip), strict=True)
         if len(drive)
     ]
     names = [name for name in parts[0] if all(name in part for part in parts)]
     quantities = {name: np.concatenate([part[name] for part in parts]) for name in names}
     numeric = (_divide(name, values) for name, values in quantities.items())
-    found = [one for one in numeric if one is not None]
+    found = [partition for partition in numeric if partition is not None]
     return [*found, *_groups(data, slip)]
 
 
@@ -164,8 +163,7 @@ def _groups(data: RegressionData, slip: Array) -> Iterator[Partition]:
         halves = [f"axles {axles[0]} to {middle}", f"axles {middle + 1} to {axles[-1]}"]
         yield from _group("bogie", axle > middle, halves)
     yield from _group("direction", slip > 0.0, ["braking", "traction"])
-    recording = np.repeat(np.arange(len(data.drives)), [len(drive) for drive in data.drives])
-    yield from _group("recording", recording, [drive.name for drive in data.drives])
+    yield from _group("recording", data.drive_number, [drive.name for drive in data.drives])
 
 
 def _group(name: str, values: NDArray[np.generic], labels: Sequence[str]) -> Iterator[Partition]:

@@ -18,15 +18,12 @@ import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.refutation.environments import Partition
+from adhesion_can.diagnosis.regression.effect_derivatives import compute_effect_jacobian
 from adhesion_can.diagnosis.regression.gram_matrices import (
     BlockGramMatrices,
     solve_normal_equations,
 )
-from adhesion_can.diagnosis.regression.model import (
-    Model,
-    compute_effect_jacobian,
-    remove_effect,
-)
+from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 from adhesion_can.physics.parameter import Parameter
 
@@ -105,7 +102,7 @@ def compute_sizes(
         for part in split
         if (one := part.sizes(parameters, model.values[place], len(partitions))) is not None
     ]
-    return sorted(found, key=lambda one: -one.spread)
+    return sorted(found, key=lambda sizes_of: -sizes_of.spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +154,8 @@ class _SplitEffect:
         ]
         # Each parameter answers for itself: one that varies by chance is not refuted by another.
         counted = [
-            replace(one, p_value=min(1.0, tests * len(found) * one.p_value)) for one in found
+            replace(sizes_of, p_value=min(1.0, tests * len(found) * sizes_of.p_value))
+            for sizes_of in found
         ]
         varying = max(counted, key=lambda one: (one.refutes, one.spread))
         labels = zip(self.partition.labels, informed, strict=True)
@@ -262,4 +260,4 @@ def _spread(sizes: Array, variances: Array, size: float) -> float:
 
 def find_refuting(sizes: Sequence[SizesByEnvironment]) -> SizesByEnvironment | None:
     """The partition whose sizes refute a cause by the largest spread; None where none does."""
-    return next((one for one in sizes if one.refutes), None)
+    return next((sizes_of for sizes_of in sizes if sizes_of.refutes), None)

@@ -15,13 +15,7 @@ from math import inf
 from typing import NamedTuple
 
 from adhesion_can.diagnosis.cause_result import Witness
-from adhesion_can.diagnosis.formatting import (
-    measured,
-    p_equation,
-    short,
-    unit_text,
-    value_and_unit,
-)
+from adhesion_can.diagnosis.formatting import measured, p_equation, short, unit_text, value_and_unit
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.imitations import find_growth
 from adhesion_can.diagnosis.inference.model_comparison import ScoredModel
@@ -95,25 +89,25 @@ class _Trial:
         return self.worst_reason.badness
 
 
-def drop_refuted(found: Findings) -> Findings:
+def drop_refuted(findings: Findings) -> Findings:
     """The findings without the causes that are refuted, which are kept with their reasons."""
-    if not found.selection.best.candidates:
-        return found
-    regression = found.prepared.regression.last_fit
-    fitted = fit_model(regression, found.selection.best.fitted.model)
+    if not findings.selection.best.candidates:
+        return findings
+    regression = findings.regression.last_fit
+    fitted = fit_model(regression, findings.selection.best.model)
     model = fitted.model
     trials = _try_all(regression, model)
     worst = max(trials, key=lambda trial: trial.badness)
     reason = worst.worst_reason
     if not worst.reasons:
-        worst, reason = _find_least_sure(found, model, trials)
+        worst, reason = _find_least_sure(findings, model, trials)
     if reason is _NO_REASON:
         sizes = {model.candidates[trial.place]: trial.sizes for trial in trials}
-        found = replace(found, sizes_by_environment=sizes)
-        if found.share_of_excess >= LEAST_OF_EXCESS:
-            return found
+        findings = replace(findings, sizes_by_environment=sizes)
+        if findings.share_of_excess >= LEAST_OF_EXCESS:
+            return findings
         without = [trial.without for trial in trials]
-        return _refute_all(found, fitted, without, _describe_excess(found))
+        return _refute_all(findings, fitted, without, _describe_excess(findings))
     candidate = model.candidates[worst.place]
     refuted = RefutedCause(
         candidate.effect.id,
@@ -124,20 +118,20 @@ def drop_refuted(found: Findings) -> Findings:
         reason.text,
         worst.sizes,
     )
-    smaller = replace(found.without_effect(worst.place), refuted=(*found.refuted, refuted))
+    smaller = replace(findings.without_effect(worst.place), refuted=(*findings.refuted, refuted))
     return drop_refuted(smaller)
 
 
 def _find_least_sure(
-    found: Findings, model: Model, trials: Sequence[_Trial]
+    findings: Findings, model: Model, trials: Sequence[_Trial]
 ) -> tuple[_Trial, _Reason]:
     """The cause with the largest p-value, and what that says against it."""
-    p_values = [found.p_value(model.candidates[trial.place]) for trial in trials]
+    p_values = [findings.p_value(model.candidates[trial.place]) for trial in trials]
     largest = max(p_values)
     trial = trials[p_values.index(largest)]
-    if largest <= found.alpha:
+    if largest <= findings.alpha:
         return trial, _NO_REASON
-    return trial, _Reason(DECISIVE, _describe_chance(largest, found.alpha))
+    return trial, _Reason(DECISIVE, _describe_chance(largest, findings.alpha))
 
 
 def describe_refutation(regression: WhitenedRegression, model: Model) -> str:
@@ -158,9 +152,9 @@ def refute_shape(shaped: Findings) -> RefutedCause | None:
     """
     if shaped.shape is None:
         return None
-    regression = shaped.prepared.regression.last_fit
-    fitted = fit_model(regression, shaped.selection.best.fitted.model)
-    without = fit_model(regression, shaped.shape.same.fitted.model).model
+    regression = shaped.regression.last_fit
+    fitted = fit_model(regression, shaped.selection.best.model)
+    without = fit_model(regression, shaped.shape.same.model).model
     left = compute_variance_left(regression, fitted.model, without)
     if left.refutes:
         reason = _describe_left(left.share)
@@ -174,11 +168,11 @@ def refute_shape(shaped: Findings) -> RefutedCause | None:
     return RefutedCause(CURVE_SHAPE, shaped.shape.family.name, None, fitted, without, reason)
 
 
-def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) -> Findings:
+def refute_by_witness(findings: Findings, plain_found: Findings, witness: Witness) -> Findings:
     """The findings without the causes of which a doubt of the service is left.
 
     Args:
-        found: Findings whose named causes are refuted.
+        findings: Findings whose named causes are refuted.
         plain_found: Findings with Burckhardt's curve, which stay where another shape is refuted.
         witness: Doubt before and after.
 
@@ -187,29 +181,27 @@ def refute_by_witness(found: Findings, plain_found: Findings, witness: Witness) 
         f"with it the service still doubts its model {100 * witness.doubt_after:.0f} % of the "
         f"time ({100 * witness.doubt_before:.0f} % without it); a true cause removes the doubt"
     )
-    regression = found.prepared.regression.last_fit
-    fitted = fit_model(regression, found.selection.best.fitted.model)
+    regression = findings.regression.last_fit
+    fitted = fit_model(regression, findings.selection.best.model)
     without = [
         fit_model(regression, remove_effect(fitted.model, place)[0]).model
         for place in range(len(fitted.model.candidates))
     ]
-    refuted = _refute_all(found, fitted, without, reason).refuted
-    if found.shape is not None:
-        same = fit_model(regression, found.shape.same.fitted.model).model
-        family = found.shape.family.name
+    refuted = _refute_all(findings, fitted, without, reason).refuted
+    if findings.shape is not None:
+        same = fit_model(regression, findings.shape.same.model).model
+        family = findings.shape.family.name
         refuted = (*refuted, RefutedCause(CURVE_SHAPE, family, None, fitted, same, reason))
-    rest = plain_found.selection
-    selection = replace(rest, best=rest.plain, indistinguishable=())
-    return replace(plain_found, selection=selection, refuted=refuted)
+    return replace(plain_found.with_best(plain_found.selection.plain), refuted=refuted)
 
 
 def _refute_all(
-    found: Findings, fitted: FittedModel, without: Sequence[Model], reason: str
+    findings: Findings, fitted: FittedModel, without: Sequence[Model], reason: str
 ) -> Findings:
     """The findings without any effect: all of the selected model's are refuted for one reason.
 
     Args:
-        found: Findings.
+        findings: Findings.
         fitted: The selected model, fitted to all rows.
         without: Model without each of its effects, fitted to the same rows.
         reason: Reason, a clause.
@@ -223,36 +215,36 @@ def _refute_all(
             fitted,
             smaller,
             reason,
-            found.sizes_by_environment.get(candidate, ()),
+            findings.sizes_by_environment.get(candidate, ()),
         )
         for place, (candidate, smaller) in enumerate(
             zip(fitted.model.candidates, without, strict=True)
         )
     ]
-    selection = replace(found.selection, best=found.selection.plain, indistinguishable=())
-    return replace(found, selection=selection, refuted=(*found.refuted, *refuted))
+    without_effects = findings.with_best(findings.selection.plain)
+    return replace(without_effects, refuted=(*findings.refuted, *refuted))
 
 
-def with_implausible_effects(found: Findings) -> Findings:
+def add_implausible_effects(findings: Findings) -> Findings:
     """The findings with the effects that would explain the data by a size that no vehicle has.
 
     Nothing else is put silently in their place: they are refuted causes with that reason.
     """
-    regression = found.prepared.regression.last_fit
-    plain = fit_model(regression, found.selection.plain.fitted.model).model
+    regression = findings.regression.last_fit
+    plain = fit_model(regression, findings.selection.plain.model).model
     refuted = [
         RefutedCause(
-            one.candidates[0].effect.id,
-            one.candidates[0].effect.form,
+            scored.candidates[0].effect.id,
+            scored.candidates[0].effect.form,
             0,
-            fit_model(regression, without_bounds(one.fitted.model)),
+            fit_model(regression, without_bounds(scored.model)),
             plain,
-            _describe_implausible(one),
+            _describe_implausible(scored),
         )
-        for one in found.selection.implausible
-        if one.candidates[0] not in found.selection.best.candidates
+        for scored in findings.selection.implausible
+        if scored.candidates[0] not in findings.selection.best.candidates
     ]
-    return replace(found, refuted=(*found.refuted, *refuted))
+    return replace(findings, refuted=(*findings.refuted, *refuted))
 
 
 def without_bounds(model: Model) -> Model:
@@ -318,9 +310,9 @@ def _find_reasons(
             yield _Reason(DECISIVE, text)
 
 
-def _describe_excess(found: Findings) -> str:
+def _describe_excess(findings: Findings) -> str:
     return (
-        f"it explains {100 * found.share_of_excess:.0f} % of the residual beyond the sensor "
+        f"it explains {100 * findings.share_of_excess:.0f} % of the residual beyond the sensor "
         f"noise; a cause explains at least {100 * LEAST_OF_EXCESS:.0f} %"
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.regression.model import Evaluation, RegressionData
+from adhesion_can.diagnosis.regression.model import EvaluatedModel, RegressionData
 from adhesion_can.physics.channels import channel_unit
 
 COLUMNS, DRIVE_COLUMNS = 6, 14
@@ -81,7 +81,7 @@ class Channel:
             return None
         return np.unique(self.values)
 
-    def build_basis(self, evaluation: Evaluation) -> Array:
+    def build_basis(self, evaluation: EvaluatedModel) -> Array:
         """Changes of the prediction by each spline coefficient, adhesion; shape (n, columns)."""
         levels = self.levels
         if levels is not None:
@@ -92,7 +92,7 @@ class Channel:
             columns = scipy.interpolate.BSpline.design_matrix(inside, knots, 3).toarray()
         return np.asarray(columns * self.multiplier(evaluation)[:, None])
 
-    def multiplier(self, evaluation: Evaluation) -> Array:
+    def multiplier(self, evaluation: EvaluatedModel) -> Array:
         """Multiplier of s(x) in the prediction, adhesion; shape (n,)."""
         if self.kind is ChannelKind.FACTOR:
             return evaluation.predicted
@@ -101,7 +101,7 @@ class Channel:
         return np.ones_like(evaluation.slip)
 
 
-def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel]:
+def build_channels(data: RegressionData, evaluation: EvaluatedModel) -> list[Channel]:
     """Every channel that all recordings have and that varies.
 
     Args:
@@ -109,12 +109,9 @@ def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel
         evaluation: Model evaluated at the estimated true slips.
 
     """
-    observed = [drive.observe() for drive in data.drives]
-    speed, load = (
-        np.concatenate([getattr(one, name) for one in observed]) for name in ("speed", "load")
-    )
+    speed, load = data.observed("speed"), data.observed("load")
     curve = ChannelKind.CURVE
-    found = [
+    channels = [
         Channel("slip", ChannelKind.FACTOR, np.abs(evaluation.slip)),
         Channel("tractive_effort", curve, np.abs(evaluation.predicted) * load),
         Channel("slip_rate", ChannelKind.OFFSET, _compute_slip_rate(data, evaluation.slip)),
@@ -125,12 +122,12 @@ def build_channels(data: RegressionData, evaluation: Evaluation) -> list[Channel
         Channel("position", ChannelKind.FACTOR, data.column("position"), DRIVE_COLUMNS),
     ]
     if any(drive.independent for drive in data.drives):
-        found = [one for one in found if one.name not in SEQUENCE_CHANNELS]
+        channels = [channel for channel in channels if channel.name not in SEQUENCE_CHANNELS]
     names = set.intersection(*(set(drive.covariates) for drive in data.drives))
     for name in sorted(names):
         values = np.concatenate([drive.covariates[name] for drive in data.drives])
-        found.append(Channel(name, ChannelKind.FACTOR, values))
-    return [channel for channel in found if not channel.constant]
+        channels.append(Channel(name, ChannelKind.FACTOR, values))
+    return [channel for channel in channels if not channel.constant]
 
 
 def _compute_slip_rate(data: RegressionData, slip: Array) -> Array:

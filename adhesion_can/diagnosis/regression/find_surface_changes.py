@@ -17,13 +17,13 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.channel_splines import Channel, ChannelKind
+from adhesion_can.diagnosis.regression.effect_derivatives import compute_signature
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
     Model,
     RegressionData,
     compute_curve_jacobian,
-    compute_signature,
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
@@ -147,11 +147,7 @@ def _fit_curve(data: RegressionData, number: int) -> Array:
         c1, c2, c3 = DEFAULT_CURVE
         return np.array([c1, np.log(c2), c3])
     own = own[:: max(len(own) // MOST_CURVE_ROWS, 1)]
-    adhesion, slip = (
-        np.concatenate([getattr(drive.observe(), name) for drive in data.drives])[own]
-        for name in ("adhesion", "slip")
-    )
-    estimate = fit(Samples.curve(slip, adhesion))
+    estimate = fit(Samples.curve(data.observed("slip")[own], data.observed("adhesion")[own]))
     return np.array([estimate.c1, np.log(max(estimate.c2, 1.0)), estimate.c3])
 
 
@@ -225,4 +221,4 @@ def _shape_splines(data: RegressionData, model: Model) -> list[Array]:
         Channel(name, ChannelKind.FACTOR, values)
         for name, values in (("slip", size), ("creep_speed", creep_speed))
     ]
-    return [one.build_basis(evaluation) for one in channels if not one.constant]
+    return [channel.build_basis(evaluation) for channel in channels if not channel.constant]

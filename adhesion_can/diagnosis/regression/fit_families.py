@@ -21,11 +21,8 @@ NEAR_POINTS = 60
 
 def fit_family_curves(data: RegressionData, family: CurveFamily) -> SegmentCurves:
     """Curves of a family to start with: plain least squares on some rows of each surface."""
-    observed = [drive.observe() for drive in data.drives]
-    slip, adhesion, speed, load = (
-        np.concatenate([getattr(one, name) for one in observed])
-        for name in ("slip", "adhesion", "speed", "load")
-    )
+    names = ("slip", "adhesion", "speed", "load")
+    slip, adhesion, speed, load = map(data.observed, names)
     known = np.concatenate([np.full(len(drive), drive.has_load) for drive in data.drives])
     conditions = Conditions(speed, np.where(known, load, np.nan))
     found = []
@@ -66,7 +63,7 @@ def _fit_points(
         )
         for start in starts[:TRIED]
     ]
-    best = min(fits, key=lambda one: float(one.cost))
+    best = min(fits, key=lambda fit: float(fit.cost))
     return [float(value) for value in best.x]
 
 

@@ -52,19 +52,16 @@ class BlockGramMatrices:
         size = columns.shape[1]
         if not len(numbers):
             return cls(np.empty((0, size, size)), np.empty(0))
-        matrices = []
         ends = np.append(starts[1:], len(order))
-        for first, last in zip(starts, ends, strict=True):
-            rows = order[first:last]
-            part = columns[rows]
-            gram = part.T @ part
-            if speed_error_design is not None and speed_error_design.shape[1]:
-                errors = speed_error_design[rows]
-                cross = errors.T @ part
-                own = errors.T @ errors + np.eye(errors.shape[1])
-                gram = gram - cross.T @ np.linalg.solve(own, cross)
-            matrices.append(gram)
-        return cls(np.array(matrices), (ends - starts).astype(np.float64))
+        blocks = [order[first:last] for first, last in zip(starts, ends, strict=True)]
+        parts = [columns[rows] for rows in blocks]
+        matrices = np.array([part.T @ part for part in parts])
+        if speed_error_design is not None and speed_error_design.shape[1]:
+            errors = [speed_error_design[rows] for rows in blocks]
+            cross = np.array([e.T @ part for e, part in zip(errors, parts, strict=True)])
+            own = np.array([e.T @ e for e in errors]) + np.eye(speed_error_design.shape[1])
+            matrices -= cross.transpose(0, 2, 1) @ np.linalg.solve(own, cross)
+        return cls(matrices, (ends - starts).astype(np.float64))
 
     @property
     def total(self) -> Array:

@@ -4,35 +4,32 @@
 
 z is the observed adhesion, θ_s belongs to the surface of a row ((c1, ln c2, c3) of Burckhardt's
 curve, or the coordinates of another family), and φ are the parameters of the effects. This module
-gives predictions, residuals and Jacobians; the least-squares fit on weighted, whitened residuals is
-in `whitened_regression`.
+gives predictions, residuals and the Jacobian of the curves; `effect_derivatives` those by effects;
+the least-squares fit on weighted, whitened residuals is in `whitened_regression`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.diagnosis.drive.drive_data import DriveData
-from adhesion_can.diagnosis.regression.candidate import CHORD_STEP, Candidate
+from adhesion_can.diagnosis.drive.drive_data import DriveData, observed_column
+from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import (
     ActiveEffect,
     Contact,
-    acts_in_contact,
     build_instruments,
     compute_change,
     effect_position,
 )
 
-DELAY_ROWS = 2.0
-"""Least step of a delay in a difference quotient, rows. The rate of change of noisy slips between
-neighbouring rows is noise, on which Gauss and Newton's steps come to nothing."""
-DERIVATIVE_STEP = 0.01
-"""Step of a numerical derivative, relative to the parameter's typical size."""
+Value = TypeVar("Value", bound=np.generic)
+
 EXCLUDED = -1
 """Surface number of a row that belongs to no surface: it is close to a surface change."""
 
@@ -59,9 +56,23 @@ class RegressionData:
         """One attribute of the rows of all drives, concatenated; shape (n,)."""
         return np.concatenate([getattr(drive, name) for drive in self.drives])
 
+    def observed(self, name: str) -> Array:
+        """One quantity of the contacts as measured, in the rows of all drives; shape (n,)."""
+        return observed_column(self.drives, name)
+
+    @property
+    def drive_number(self) -> NDArray[np.int64]:
+        """Place of each row's drive among all of them, shape (n,)."""
+        return np.repeat(np.arange(len(self.drives)), [len(drive) for drive in self.drives])
+
+    def split(self, rows: NDArray[Value]) -> list[NDArray[Value]]:
+        """An array by drive, the rows of all of them along its last axis."""
+        ends = np.cumsum([len(drive) for drive in self.drives])[:-1]
+        return np.split(rows, ends, axis=-1)
+
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class EvaluatedModel:
     """A model evaluated on all rows; shape (n,) each.
 
     Adhesion is in units of the readings, force over load: where an effort reads half of what it is,
@@ -98,8 +109,8 @@ def evaluate_model(
     curves: SegmentCurves,
     active_effects: Sequence[ActiveEffect] = (),
     slip_correction: Array | None = None,
-    known: Evaluation | None = None,
-) -> Evaluation:
+    known: EvaluatedModel | None = None,
+) -> EvaluatedModel:
     """Observed and predicted adhesion in every row.
 
     Args:
@@ -111,9 +122,8 @@ def evaluate_model(
             are the same: most effects change the factor alone.
 
     """
-    ends = np.cumsum([len(drive) for drive in data.drives])[:-1]
     corrections = (
-        [None] * len(data.drives) if slip_correction is None else np.split(slip_correction, ends)
+        [None] * len(data.drives) if slip_correction is None else data.split(slip_correction)
     )
     parts = [
         _apply_effects(drive, active_effects, own)
@@ -127,10 +137,10 @@ def evaluate_model(
         curve = known.curve
     else:
         curve = curves.adhesion(slip, data.surface, conditions)
-    return Evaluation(adhesion, slip, factor, curve, conditions)
+    return EvaluatedModel(adhesion, slip, factor, curve, conditions)
 
 
-def _is_same_contact(known: Evaluation, slip: Array, conditions: Conditions) -> bool:
+def _is_same_contact(known: EvaluatedModel, slip: Array, conditions: Conditions) -> bool:
     """Whether a curve has been evaluated at the same slips, speeds and loads."""
     before = known.conditions
     return (
@@ -174,7 +184,7 @@ def compute_factor(drive: DriveData, active: ActiveEffect) -> Array:
 
 
 def compute_curve_jacobian(
-    data: RegressionData, curves: SegmentCurves, evaluation: Evaluation
+    data: RegressionData, curves: SegmentCurves, evaluation: EvaluatedModel
 ) -> Array:
     """Derivatives of the prediction by each surface's coordinates, 0 in other rows.
 
@@ -188,14 +198,14 @@ def compute_curve_jacobian(
 
     """
     gradient = curves.gradient(evaluation.slip, data.surface, evaluation.conditions)
-    own = np.ascontiguousarray((evaluation.factor * gradient).T)
+    gradients = np.ascontiguousarray((evaluation.factor * gradient).T)
     if data.surfaces == 1:
-        return own
+        return gradients
     size = curves.size
     columns = np.zeros((len(data), size * data.surfaces))
     for number in range(data.surfaces):
         rows = data.surface == number
-        columns[rows, size * number : size * (number + 1)] = own[rows]
+        columns[rows, size * number : size * (number + 1)] = gradients[rows]
     return columns
 
 
@@ -217,12 +227,14 @@ class Model:
     fixed: tuple[ActiveEffect, ...] = ()
 
     @property
+    def estimates(self) -> tuple[tuple[Candidate, tuple[float, ...]], ...]:
+        """Each effect whose parameters are estimated, with their values."""
+        return tuple(zip(self.candidates, self.values, strict=True))
+
+    @property
     def active_effects(self) -> tuple[ActiveEffect, ...]:
         """All effects with their values, in the order of the library."""
-        pairs = sorted(
-            zip(self.candidates, self.values, strict=True),
-            key=lambda pair: effect_position(pair[0].effect),
-        )
+        pairs = sorted(self.estimates, key=lambda pair: effect_position(pair[0].effect))
         return (*(candidate.active(values) for candidate, values in pairs), *self.fixed)
 
     @property
@@ -277,109 +289,3 @@ def remove_effect(model: Model, place: int) -> tuple[Model, Candidate, tuple[flo
         values=tuple(model.values[i] for i in rest),
     )
     return smaller, model.candidates[place], model.values[place]
-
-
-def compute_effect_jacobian(
-    data: RegressionData,
-    model: Model,
-    candidate: Candidate,
-    values: tuple[float, ...],
-    slip_correction: Array | None = None,
-    known: Evaluation | None = None,
-) -> Array:
-    """Derivatives of the prediction by an effect's parameters, by central differences.
-
-    Args:
-        data: Rows of all drives.
-        model: Model without the effect.
-        candidate: Effect whose parameters are varied.
-        values: Values of the candidate's free parameters; a step that leaves the range is
-            one-sided.
-        slip_correction: Correction added to every measured slip ratio, shape (n,).
-        known: Evaluation with the same curves and slip correction.
-
-    Returns:
-        Jacobian, adhesion per unit of the parameter; shape (n, size).
-
-    """
-    columns = []
-    for place, parameter in enumerate(candidate.free_parameters):
-        step = parameter.step or DERIVATIVE_STEP * abs(parameter.typical)
-        if place == 0 and parameter.unit == "s" and not acts_in_contact(candidate.effect):
-            step = max(step, DELAY_ROWS * max(one.kinematics.cycle_s for one in data.drives))
-        columns.append(
-            _difference_quotient(
-                data, model, candidate, values, place, step, slip_correction, known
-            )
-        )
-    return np.stack(columns, axis=1)
-
-
-def compute_signature(
-    data: RegressionData,
-    model: Model,
-    candidate: Candidate,
-    start: tuple[float, ...],
-    slip_correction: Array | None = None,
-    chord: float = CHORD_STEP,
-    known: Evaluation | None = None,
-) -> Array:
-    """Signature of an absent effect: change of the prediction per unit of its size.
-
-    It is a chord and not a derivative, since some effects start flat.
-
-    Args:
-        data: Rows of all drives.
-        model: Model without the effect.
-        candidate: Effect whose signature is computed.
-        start: Values of the candidate's free parameters, with size 0.
-        slip_correction: Correction added to every measured slip ratio, shape (n,).
-        chord: Size of the effect at the chord's end, relative to the typical one.
-        known: Evaluation of the model; None: it is made.
-
-    Returns:
-        Signature, adhesion per unit of size; shape (n,).
-
-    """
-    if known is None:
-        known = evaluate_model(data, model.curves, model.active_effects, slip_correction)
-    size = candidate.free_parameters[0]
-    step = chord * abs(size.typical)
-    if size.lower == 0.0 == candidate.lower_bound(size):
-        # An effect of size 0 changes nothing: that end is known.
-        top = min(step, size.upper)
-        effects = model.with_effect(candidate, (top, *start[1:])).active_effects
-        moved = evaluate_model(data, model.curves, effects, slip_correction, known)
-        return np.asarray((known.residual - moved.residual) / top)
-    return _difference_quotient(data, model, candidate, start, 0, step, slip_correction, known)
-
-
-def _difference_quotient(
-    data: RegressionData,
-    model: Model,
-    candidate: Candidate,
-    values: tuple[float, ...],
-    place: int,
-    step: float,
-    slip_correction: Array | None,
-    known: Evaluation | None,
-) -> Array:
-    """Change of −e per unit of one parameter, from a step to either side of it, shape (n,).
-
-    Raises:
-        ValueError: The value lies a step or more beyond its range, where both ends are one.
-
-    """
-    parameter = candidate.free_parameters[place]
-    lower = candidate.lower_bound(parameter)
-    ends = []
-    for side in (1.0, -1.0):
-        value = float(np.clip(values[place] + side * step, lower, parameter.upper))
-        moved = (*values[:place], value, *values[place + 1 :])
-        effects = model.with_effect(candidate, moved).active_effects
-        known = evaluate_model(data, model.curves, effects, slip_correction, known)
-        ends.append((value, known.residual))
-    (high, above), (low, below) = ends
-    if high == low:
-        raise ValueError(f"{candidate.name}: {parameter.name} {values[place]:g} is out of range")
-    return np.asarray((below - above) / (high - low))

@@ -19,7 +19,7 @@ from adhesion_can.diagnosis.regression.estimate_slip_noise import estimate_slip_
 from adhesion_can.diagnosis.regression.gram_matrices import solve_normal_equations
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     compute_curve_jacobian,
@@ -178,9 +178,8 @@ def _scale_speed_errors(regression: WhitenedRegression, residual: Array) -> Whit
     design = regression.speed_error_design.copy()
     scaled = design * regression.scale[:, None]
     std = regression.speed_error_std.copy()
-    drive_of_row = np.repeat(np.arange(len(data.drives)), [len(drive) for drive in data.drives])
     for number in range(len(data.drives)):
-        own = drive_of_row == number
+        own = data.drive_number == number
         block = np.where(own & regression.used, regression.block, EXCLUDED)
         if not std[number]:
             continue
@@ -192,15 +191,13 @@ def _scale_speed_errors(regression: WhitenedRegression, residual: Array) -> Whit
     return replace(regression, speed_error_design=design, speed_error_std=std)
 
 
-def _slip_std(regression: WhitenedRegression, evaluation: Evaluation, slope: Array) -> Array:
+def _slip_std(regression: WhitenedRegression, evaluation: EvaluatedModel, slope: Array) -> Array:
     """Standard deviation of the slip's white noise: stated, or that of a table; shape (n,)."""
     data = regression.data
     std = data.column("wheel_slip_std").copy()
-    ends = np.cumsum([len(drive) for drive in data.drives])
-    for drive, end in zip(data.drives, ends, strict=True):
+    for number, drive in enumerate(data.drives):
         if drive.table and not drive.independent:
-            rows = np.zeros(len(data), dtype=np.bool_)
-            rows[end - len(drive) : end] = True
+            rows = data.drive_number == number
             std[rows] = estimate_slip_noise(
                 evaluation.slip,
                 evaluation.residual,
@@ -212,7 +209,7 @@ def _slip_std(regression: WhitenedRegression, evaluation: Evaluation, slope: Arr
 
 
 def design_speed_errors(
-    data: RegressionData, evaluation: Evaluation, slope: Array, block_length_s: float
+    data: RegressionData, evaluation: EvaluatedModel, slope: Array, block_length_s: float
 ) -> Array:
     """Change of each residual by errors of the vehicle speed, of one standard deviation each.
 
@@ -228,7 +225,7 @@ def design_speed_errors(
         Design matrix, adhesion; shape (n, knots).
 
     """
-    speeds = np.concatenate([drive.observe().speed for drive in data.drives])
+    speeds = data.observed("speed")
     errors = [drive.speed_error for drive in data.drives]
     std = np.concatenate(
         [np.full(len(drive), e.std) for drive, e in zip(data.drives, errors, strict=True)]
@@ -243,7 +240,7 @@ def design_speed_errors(
     return np.asarray(hats * sensitivity[:, None])
 
 
-def _compute_curve_slope(data: RegressionData, model: Model, evaluation: Evaluation) -> Array:
+def _compute_curve_slope(data: RegressionData, model: Model, evaluation: EvaluatedModel) -> Array:
     """Slope dμ/dλ of the plain curve in each row, shape (n,)."""
     return model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
 

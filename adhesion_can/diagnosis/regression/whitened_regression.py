@@ -18,21 +18,24 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.regression.candidate import CHORD_STEP, Candidate
+from adhesion_can.diagnosis.regression.effect_derivatives import (
+    compute_effect_jacobian,
+    compute_signature,
+)
 from adhesion_can.diagnosis.regression.gram_matrices import (
     BlockGramMatrices,
     solve_normal_equations,
 )
 from adhesion_can.diagnosis.regression.model import (
     EXCLUDED,
-    Evaluation,
+    EvaluatedModel,
     Model,
     RegressionData,
     compute_curve_jacobian,
-    compute_effect_jacobian,
-    compute_signature,
     evaluate_model,
     remove_effect,
 )
+from adhesion_can.diagnosis.regression.row_weights import compute_weights
 from adhesion_can.diagnosis.regression.whitening import Whitener, fit_whitener
 
 ITERATIONS = 10
@@ -51,8 +54,6 @@ LEAST_LEFT = 0.05
 block to be predicted by them."""
 RIDGE = 1e-10
 """Added to the diagonal of a correlation matrix, so that it can be inverted."""
-WEIGHT_GROUPS, WEIGHT_ROWS = 20, 200
-"""Groups of rows for the variance function, and the rows without which all weights are 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +111,7 @@ class WhitenedRegression:
     @property
     def last_fit(self) -> "WhitenedRegression":
         """The regression of what is reported: all rows but those of drives held out whole."""
-        ends = np.cumsum([len(drive) for drive in self.data.drives])[:-1]
-        parts = np.split(self.block, ends)
+        parts = self.data.split(self.block)
         return self if any((own < 0).all() for own in parts if len(own)) else self.all_data
 
     @property
@@ -128,7 +128,7 @@ class WhitenedRegression:
         """Gram matrices of whitened columns; `columns` shape (n, p)."""
         return BlockGramMatrices.from_columns(columns, self.block, self.whitened_speed_errors)
 
-    def evaluate_corrected(self, model: Model) -> Evaluation:
+    def evaluate_corrected(self, model: Model) -> EvaluatedModel:
         """A model evaluated at the estimated true slips."""
         effects = model.active_effects
         return evaluate_model(self.data, model.curves, effects, self.slip_correction)
@@ -163,10 +163,12 @@ class WhitenedRegression:
         rows = rows[np.argsort(number, kind="stable")]
         starts = np.unique(number, return_counts=True)[1].cumsum()[:-1]
         out = []
-        for own in np.split(rows, starts):
-            scaled = design[own] * self.scale[own, None]
+        for rows_of_block in np.split(rows, starts):
+            scaled = design[rows_of_block] * self.scale[rows_of_block, None]
             gram = scaled.T @ scaled + np.eye(scaled.shape[1])
-            out.append((own, design[own], np.asarray(np.linalg.solve(gram, scaled.T))))
+            out.append(
+                (rows_of_block, design[rows_of_block], np.asarray(np.linalg.solve(gram, scaled.T)))
+            )
         return out
 
     def build_columns(self, model: Model) -> Array:
@@ -191,7 +193,7 @@ class WhitenedRegression:
         candidate: Candidate,
         start: tuple[float, ...] | None = None,
         chord: float = CHORD_STEP,
-        known: Evaluation | None = None,
+        known: EvaluatedModel | None = None,
     ) -> Array:
         """Signature of an effect that a model does not have, as a column.
 
@@ -217,34 +219,8 @@ class WhitenedRegression:
         scaled = residual * self.scale * self.used
         whitener = fit_whitener(scaled, self.whitener.runs)
         square = whitener(scaled[:, None])[:, 0] ** 2
-        weight = _compute_weights(square, self.slip_variance_share, self.used)
+        weight = compute_weights(square, self.slip_variance_share, self.used)
         return replace(self, whitener=whitener, weight=weight)
-
-
-def _compute_weights(square: Array, share: Array, used: NDArray[np.bool_]) -> Array:
-    """Reciprocal standard deviation of whitened residuals, as a function of the slip's share.
-
-    A filter that removes most of a slow noise leaves the slip's own error as it was. The variance
-    function is linear in the share, with coefficients that are not negative (non-negative
-    least squares; Lawson and Hanson, Solving Least Squares Problems, 1974).
-
-    Args:
-        square: Squares of the whitened residuals, shape (n,).
-        share: Share of the wheel speed's noise in a residual's variance, shape (n,).
-        used: Whether a row takes part, shape (n,).
-
-    """
-    rows = np.flatnonzero(used & (square > 0.0))
-    if len(rows) < WEIGHT_ROWS:
-        return np.ones_like(square)
-    order = rows[np.argsort(share[rows], kind="stable")]
-    groups = np.array_split(order, WEIGHT_GROUPS)
-    level = np.array([float(np.mean(square[group])) for group in groups])
-    mean_share = np.array([float(np.mean(share[group])) for group in groups])
-    matrix = np.column_stack([np.ones_like(mean_share), mean_share]) / level[:, None]
-    (base, growth), _ = scipy.optimize.nnls(matrix, np.ones_like(level))
-    variance = np.maximum(base + growth * share, 1e-3 * level.min())
-    return np.asarray(1.0 / np.sqrt(variance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,13 +270,15 @@ class FittedModel:
         basis = scipy.linalg.solve_triangular(root, np.diag(1.0 / norms), lower=True).T
         out = np.empty(len(matrices))
         for b, gram in enumerate(matrices):
-            own, score = gram[:-1, :-1], gram[:-1, -1]
-            leverage, directions = np.linalg.eigh(basis.T @ own @ basis)
+            information, score = gram[:-1, :-1], gram[:-1, -1]
+            leverage, directions = np.linalg.eigh(basis.T @ information @ basis)
             left = 1.0 - leverage
             testable = left > LEAST_LEFT
             scaled = np.where(testable, 1.0 / np.where(testable, left, 1.0), 0.0)
             change = -basis @ (directions @ (scaled * (directions.T @ (basis.T @ score))))
-            out[b] = gram[-1, -1] - 2.0 * float(change @ score) + float(change @ own @ change)
+            out[b] = (
+                gram[-1, -1] - 2.0 * float(change @ score) + float(change @ information @ change)
+            )
         return out
 
 

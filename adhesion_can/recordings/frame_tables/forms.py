@@ -50,7 +50,7 @@ class Fields(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class LineForm:
     """Form of the lines of one tool.
 
     Attributes:
@@ -97,11 +97,11 @@ _BYTES = r"(?P<data>(?:[0-9A-Fa-f]{1,2}\s*)*)"
 _HEX = r"(?P<id>(?:0[xX])?[0-9A-Fa-f]{1,8})"
 
 
-def _form(name: str, clock: Clock, pattern: str) -> Form:
-    return Form(name, clock, re.compile(pattern))
+def _form(name: str, clock: Clock, pattern: str) -> LineForm:
+    return LineForm(name, clock, re.compile(pattern))
 
 
-LINES: tuple[Form, ...] = (
+LINES: tuple[LineForm, ...] = (
     _form(
         "BUSMASTER",
         Clock.TIME_OF_DAY,
@@ -173,7 +173,7 @@ LOOKED_AT = 40
 """Lines, behind the first that has a form, of which most must have it."""
 
 
-def find_form(lines: Sequence[bytes]) -> Form | None:
+def find_form(lines: Sequence[bytes]) -> LineForm | None:
     """Form of the first lines of a file; None where they have none.
 
     Args:
@@ -191,11 +191,11 @@ def find_form(lines: Sequence[bytes]) -> Form | None:
     return None
 
 
-def _is_usual(form: Form, lines: Sequence[str]) -> bool:
+def _is_usual(form: LineForm, lines: Sequence[str]) -> bool:
     return 2 * sum(form.fields(line) is not None for line in lines) > len(lines)
 
 
-def _of_heading(line: str) -> Form | None:
+def _of_heading(line: str) -> LineForm | None:
     """Form of a heading that names an id and a payload; None where it does not."""
     for delimiter in _DELIMITERS:
         cells = [cell.strip().strip('"').lower() for cell in line.strip().split(delimiter)]
@@ -213,7 +213,7 @@ def _of_heading(line: str) -> Form | None:
             if cells == ["timestamp", "type", "id", "data"]:
                 clock = Clock.DIGITS
             named = cells[places["id"][0]]
-            return Form(
+            return LineForm(
                 f"a table of frames ({line.strip()[:60]})",
                 clock,
                 decimal_id=named in _DECIMAL_IDS,

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 from adhesion_can.bus.frame import MOST_ID, Frame
 from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport
-from adhesion_can.recordings.frame_tables.forms import Clock, Fields, Form
+from adhesion_can.recordings.frame_tables.forms import Clock, Fields, LineForm
 
 _LARGEST_STANDARD = 0x7FF
 _DAY_US = 86_400_000_000
@@ -48,7 +48,7 @@ class _Head:
             self.day = _date(found[1], found[2], found[3])
 
 
-def read_frame_table(lines: Iterable[bytes], form: Form, report: ReadReport) -> Iterator[Frame]:
+def read_frame_table(lines: Iterable[bytes], form: LineForm, report: ReadReport) -> Iterator[Frame]:
     """Frames of the lines of a file, in their order.
 
     Args:
@@ -89,7 +89,7 @@ def _split(lines: Iterable[bytes]) -> Iterator[bytes]:
         yield rest
 
 
-def _frame(fields: Fields, clock: "_StampReader", form: Form, head: _Head) -> Frame | None:
+def _frame(fields: Fields, clock: "_StampReader", form: LineForm, head: _Head) -> Frame | None:
     """Frame of a line; None where its texts are none."""
     try:
         number = int(fields.id, 10 if form.decimal_id or head.is_decimal else 16)
@@ -125,7 +125,7 @@ def _is_true(text: str) -> bool:
     return text.strip().lower() in _TRUE
 
 
-def _payload(fields: Fields, form: Form, *, is_decimal: bool) -> bytes:
+def _payload(fields: Fields, form: LineForm, *, is_decimal: bool) -> bytes:
     """Payload of a line, no longer than its length says.
 
     Raises:

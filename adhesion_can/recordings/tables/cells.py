@@ -29,7 +29,7 @@ _GAPS = re.compile(r"(?<=\d)[ '\u2019\u00a0\u202f\u2009](?=\d{3}(?!\d))")
 """Marks of thousands that are no decimal marks anywhere."""
 
 
-class Mark(Flag):
+class NumberMark(Flag):
     """What a cell, or all of a column, says of the marks in its numbers."""
 
     NONE = 0
@@ -56,7 +56,7 @@ class NumberColumn:
     """
 
     cells: tuple[str, ...]
-    marks: Mark
+    marks: NumberMark
     percent: bool
     errors: int
 
@@ -68,7 +68,7 @@ class NumberColumn:
 def number_column(cells: Sequence[str]) -> NumberColumn | None:
     """Cells of a column as numbers; None where one of them is none, or the marks contradict."""
     kept: list[str] = []
-    marks, errors, percents, values = Mark.NONE, 0, 0, 0
+    marks, errors, percents, values = NumberMark.NONE, 0, 0, 0
     for cell in cells:
         text = cell.strip()
         known = text.lower()
@@ -88,7 +88,7 @@ def number_column(cells: Sequence[str]) -> NumberColumn | None:
         kept.append(text)
     if percents not in (0, values) or (not values and any(cell.strip() for cell in cells)):
         return None
-    if Mark.POINT in marks and Mark.COMMA in marks:
+    if NumberMark.POINT in marks and NumberMark.COMMA in marks:
         return None
     return NumberColumn(tuple(kept), marks, percents > 0, errors)
 
@@ -100,24 +100,24 @@ def plain_text(text: str) -> str:
     )  # fmt: skip
 
 
-def mark_of(text: str) -> Mark | None:
+def mark_of(text: str) -> NumberMark | None:
     """What the marks in a number's text say; None where it is no number."""
     points, commas = text.count("."), text.count(",")
     if not points and not commas:
-        return Mark.NONE if _PLAIN.fullmatch(text) or is_float(text) else None
+        return NumberMark.NONE if _PLAIN.fullmatch(text) or is_float(text) else None
     if points and commas:
         decimal = "." if text.rfind(".") > text.rfind(",") else ","
-        sure = Mark.POINT if decimal == "." else Mark.COMMA
+        sure = NumberMark.POINT if decimal == "." else NumberMark.COMMA
         return None if np.isnan(_value(text, decimal)) else sure
     mark, other = (".", ",") if points else (",", ".")
     if points + commas > 1:  # it can only part thousands
-        sure = Mark.COMMA if mark == "." else Mark.POINT
+        sure = NumberMark.COMMA if mark == "." else NumberMark.POINT
         return None if np.isnan(_value(text, other)) else sure
     if not is_float(text.replace(",", ".")):
         return None
     if _grouped(mark).fullmatch(text) and text.lstrip("+-")[0] != "0":
-        return Mark.MAYBE_POINT if mark == "." else Mark.MAYBE_COMMA
-    return Mark.POINT if mark == "." else Mark.COMMA
+        return NumberMark.MAYBE_POINT if mark == "." else NumberMark.MAYBE_COMMA
+    return NumberMark.POINT if mark == "." else NumberMark.COMMA
 
 
 def is_number(cell: str) -> bool:
@@ -152,25 +152,27 @@ def decimal_marks(
     }
 
 
-def _sure(columns: Iterable[NumberColumn]) -> Mark:
-    found = Mark.NONE
+def _sure(columns: Iterable[NumberColumn]) -> NumberMark:
+    found = NumberMark.NONE
     for column in columns:
-        found |= column.marks & (Mark.POINT | Mark.COMMA)
+        found |= column.marks & (NumberMark.POINT | NumberMark.COMMA)
     return found
 
 
-def _decimal_mark(name: str, column: NumberColumn, sure: Mark, delimiter: str, where: str) -> str:
+def _decimal_mark(
+    name: str, column: NumberColumn, sure: NumberMark, delimiter: str, where: str
+) -> str:
     own = column.marks
-    if own & (Mark.POINT | Mark.COMMA):
-        return "." if Mark.POINT in own else ","
-    maybe = own & (Mark.MAYBE_POINT | Mark.MAYBE_COMMA)
+    if own & (NumberMark.POINT | NumberMark.COMMA):
+        return "." if NumberMark.POINT in own else ","
+    maybe = own & (NumberMark.MAYBE_POINT | NumberMark.MAYBE_COMMA)
     if not maybe:
         return "."
-    if sure in (Mark.POINT, Mark.COMMA):
-        return "." if sure is Mark.POINT else ","
-    if sure is Mark.NONE and maybe is Mark.MAYBE_POINT:
+    if sure in (NumberMark.POINT, NumberMark.COMMA):
+        return "." if sure is NumberMark.POINT else ","
+    if sure is NumberMark.NONE and maybe is NumberMark.MAYBE_POINT:
         return "."  # as every program writes numbers
-    if sure is Mark.NONE and maybe is Mark.MAYBE_COMMA and delimiter != ",":
+    if sure is NumberMark.NONE and maybe is NumberMark.MAYBE_COMMA and delimiter != ",":
         return ","
     cell = next(text for text in column.cells if "." in text or "," in text)
     whole, part = re.sub(r"[.,]", "", cell), re.sub(",", ".", cell)

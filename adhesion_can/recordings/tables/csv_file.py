@@ -19,7 +19,7 @@ from adhesion_can.recordings.tables.columns import Column, Columns
 from adhesion_can.recordings.tables.headings import name_columns
 from adhesion_can.recordings.tables.layout import (
     DELIMITERS,
-    Layout,
+    TableLayout,
     comment_lines,
     find_layout,
     rows_of,
@@ -74,14 +74,14 @@ def read_csv(path: Path, wanted: Collection[str] = ()) -> Columns:
     return _columns(layout, body, notes, str(path))
 
 
-def _recognise(text: str, wanted: Collection[str], path: Path) -> Layout:
+def _recognise(text: str, wanted: Collection[str], path: Path) -> TableLayout:
     try:
         return find_layout(text, wanted)
     except csv.Error as error:
         raise TableError(f"{path}:1", f"not CSV ({error})", "correct the line") from error
 
 
-def _require_names(layout: Layout, path: Path) -> None:
+def _require_names(layout: TableLayout, path: Path) -> None:
     """TableError where two columns have one name."""
     names = [name for name, _ in name_columns(layout.heading)]
     twice = [name for name, count in Counter(names).items() if count > 1 and name]
@@ -94,7 +94,7 @@ def _require_names(layout: Layout, path: Path) -> None:
     )
 
 
-def _layout_notes(layout: Layout) -> list[str]:
+def _layout_notes(layout: TableLayout) -> list[str]:
     notes = []
     if layout.line > 1:
         notes.append(f"line {layout.line} is read as the heading")
@@ -103,7 +103,7 @@ def _layout_notes(layout: Layout) -> list[str]:
     return notes
 
 
-def _body(text: str, layout: Layout, path: Path, notes: list[str]) -> list[list[str]]:
+def _body(text: str, layout: TableLayout, path: Path, notes: list[str]) -> list[list[str]]:
     """Rows of the heading's length; others below all of them are left out and reported."""
     width = len(layout.heading)
     body: list[list[str]] = []
@@ -135,7 +135,7 @@ def _odd_row(odd: tuple[int, list[str]], width: int, path: Path) -> TableError:
 
 
 def _columns(
-    layout: Layout, body: Sequence[Sequence[str]], notes: list[str], where: str
+    layout: TableLayout, body: Sequence[Sequence[str]], notes: list[str], where: str
 ) -> Columns:
     named = [(place, *pair) for place, pair in enumerate(name_columns(layout.heading))]
     units = {name: unit for _, name, unit in named if name and unit}
@@ -165,7 +165,7 @@ def _columns(
     return Columns(values, {unquote_formula(k): v for k, v in units.items()}, tuple(notes))
 
 
-def _cell_notes(layout: Layout, marks: Collection[str]) -> list[str]:
+def _cell_notes(layout: TableLayout, marks: Collection[str]) -> list[str]:
     """Sentence about what parts cells and decimals, in a list; [] where it is as usual."""
     parts = []
     if layout.delimiter != ",":

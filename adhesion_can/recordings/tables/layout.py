@@ -33,7 +33,7 @@ Row = tuple[int, list[str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TableLayout:
     """How the cells of a text are written.
 
     Attributes:
@@ -57,7 +57,7 @@ class Layout:
         return tuple(split_unit(cell)[0] for cell in self.heading)
 
 
-def find_layout(text: str, wanted: Collection[str] = ()) -> Layout:
+def find_layout(text: str, wanted: Collection[str] = ()) -> TableLayout:
     """Layout of a text: the one whose heading has a wanted name and the most even rows.
 
     Args:
@@ -71,7 +71,7 @@ def find_layout(text: str, wanted: Collection[str] = ()) -> Layout:
     lines = text.splitlines(keepends=True)[:LOOKED_AT]
     stated = _STATED.fullmatch(lines[0]) if lines else None
     choices = [stated[1]] if stated and stated[1] in DELIMITERS else list(DELIMITERS)
-    best, most = Layout(",", ()), (False, False, 0.0, 0)
+    best, most = TableLayout(",", ()), (False, False, 0.0, 0)
     for delimiter in choices:
         if delimiter == " " and most[1] and most[3] > 1:
             continue  # names and texts have spaces too
@@ -91,7 +91,7 @@ def find_layout(text: str, wanted: Collection[str] = ()) -> Layout:
     return best
 
 
-def rows_of(text: str, layout: Layout) -> Iterator[Row]:
+def rows_of(text: str, layout: TableLayout) -> Iterator[Row]:
     """Rows below the heading and its units that have a cell; comment lines among them are not.
 
     A line that starts as comment does is a row where it has as many cells as the heading.
@@ -107,7 +107,7 @@ def rows_of(text: str, layout: Layout) -> Iterator[Row]:
     return _rows(kept, layout.delimiter)
 
 
-def comment_lines(text: str, layout: Layout) -> int:
+def comment_lines(text: str, layout: TableLayout) -> int:
     """Number of lines of comment between the rows."""
     width = len(layout.heading)
     lines = io.StringIO(text, newline="")
@@ -128,7 +128,7 @@ def trimmed(row: Sequence[str], width: int) -> list[str]:
 
 def _layout(
     lines: Sequence[str], delimiter: str, wanted: Collection[str], skipped: int
-) -> tuple[Layout | None, float]:
+) -> tuple[TableLayout | None, float]:
     """Layout with this delimiter, and the share of its rows that are as wide as the heading."""
     bare = [
         _blank(line) if number < skipped or _COMMENT.match(line) else line
@@ -156,7 +156,7 @@ def _layout(
     heading = next(row for number, row in above if number == line)
     below = [(number, row) for number, row in above if number > line]
     units = _stripped(trimmed(below[0][1], width)) if below else ()
-    found = Layout(
+    found = TableLayout(
         delimiter,
         _stripped(trimmed(heading, width if len(heading) > width else 1)),
         line,
@@ -171,10 +171,10 @@ def _has_a_name(row: Sequence[str], wanted: Collection[str]) -> bool:
     return any(split_unit(cell)[0] in wanted for cell in row)
 
 
-def _from_heading(rows: Sequence[Row], delimiter: str) -> Layout:
+def _from_heading(rows: Sequence[Row], delimiter: str) -> TableLayout:
     """Layout whose first row is the heading."""
     line, heading = rows[0]
-    return Layout(delimiter, _stripped(heading), line, body=line)
+    return TableLayout(delimiter, _stripped(heading), line, body=line)
 
 
 def _usual_width(rows: Sequence[Sequence[str]]) -> int:
@@ -205,7 +205,9 @@ def _is_label(row: Sequence[str], numeric: Sequence[int]) -> bool:
     return bool(stated) and not any(map(is_number, stated))
 
 
-def _commented_heading(lines: Sequence[str], delimiter: str, width: int | None) -> Layout | None:
+def _commented_heading(
+    lines: Sequence[str], delimiter: str, width: int | None
+) -> TableLayout | None:
     """Layout with the last comment above the rows as heading, as NumPy writes it."""
     last = 0
     for number, line in enumerate(lines, start=1):
@@ -218,7 +220,7 @@ def _commented_heading(lines: Sequence[str], delimiter: str, width: int | None) 
     cells = next((row for _, row in _rows(iter([bare]), delimiter)), [])
     if width is None or len(cells) != width:
         return None
-    return Layout(delimiter, _stripped(cells), last, body=last)
+    return TableLayout(delimiter, _stripped(cells), last, body=last)
 
 
 def _is_comment(line: str, delimiter: str, width: int) -> bool:

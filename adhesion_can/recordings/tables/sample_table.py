@@ -55,7 +55,7 @@ _KNOWN = (
 
 
 @dataclass(frozen=True)
-class Table:
+class SampleTable:
     """Samples of a table, with its segments and statistics.
 
     Attributes:
@@ -146,7 +146,7 @@ def _suffix(path: Path) -> str:
     return suffixes[-1] if suffixes else ""
 
 
-def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> Table:
+def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> SampleTable:
     """Read a sample table.
 
     Args:
@@ -220,7 +220,7 @@ def _groups(name: str, cells: Sequence[str]) -> dict[str, Array]:
 
 def _table(
     path: Path, columns: Columns, numbers: dict[str, Array], ignored: tuple[str, ...]
-) -> Table:
+) -> SampleTable:
     numbers = {name: _within_sense(column) for name, column in numbers.items()}
     timed = "time_s" in numbers
     slip = numbers["slip"]
@@ -261,7 +261,7 @@ def _table(
         covariates={name: c[good] for name, c in numbers.items() if name not in _KNOWN},
     )
     segment = numbers.get("segment")
-    return Table(
+    return SampleTable(
         samples,
         None if segment is None else np.unique(segment[good], return_inverse=True)[1],
         rows=len(slip),

@@ -16,15 +16,7 @@ def demo_texts(
     core: ServiceCore,
     provenance: Mapping[str, str],
 ) -> DriveTexts:
-    """Texts of the page of the demo.
-
-    Args:
-        truth: Truth of the simulated drive, as written.
-        found: Surfaces with the estimates on them.
-        core: Core after the drive.
-        provenance: Version, hashes and command by name.
-
-    """
+    """Texts of the page of the demo."""
     surfaces = truth["surfaces"]
     names = ", ".join(str(surface["name"]) for surface in surfaces)
     note = (

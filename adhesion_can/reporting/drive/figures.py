@@ -18,18 +18,21 @@ from adhesion_can.reporting.charts import (
     ORANGE,
     RED,
     Trace,
+    axis,
     band,
     faded,
     insert_gaps,
     runs,
+    scatter,
     suffix,
+    whiskers,
 )
 from adhesion_can.reporting.drive.history import DOUBTS, STATUSES
 from adhesion_can.reporting.drive.recorder import DriveRecord
 from adhesion_can.reporting.drive.signal_panels import SignalPanels
-from adhesion_can.reporting.drive.surfaces import Cloud, Surface
+from adhesion_can.reporting.drive.surfaces import Cloud, SurfaceSpan
 from adhesion_can.reporting.page import Figure
-from adhesion_can.reporting.time_panels import Panel, line, panels_figure
+from adhesion_can.reporting.time_panels import Panel, line, panels_figure, span_line
 from adhesion_can.result_text import TimeScale, plus_minus
 
 STATUS_COLOURS: Mapping[Status, str] = {
@@ -129,7 +132,7 @@ def _estimate_panels(
 
 def _resolution(record: DriveRecord) -> str:
     count = len(record.history)
-    total = sum(record.statuses.values())
+    total = record.counts.by_status.total()
     if total <= count:
         return "Every setpoint is drawn."
     return f"{total} setpoints are thinned to {count} points; extremes are kept."
@@ -211,13 +214,8 @@ def _state_rows(record: DriveRecord, scale: _Abscissa) -> list[Trace]:
     rows: list[Trace] = []
     for name, colour, counts in found:
         spans = runs(counts > 0)
-        if not spans:
-            continue
-        x = [v for first, end in spans for v in (begins[first], ends[end - 1], None)]
-        y = [v for _ in spans for v in (name, name, None)]
-        style = {"color": colour, "width": 9}
-        rows.append({"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y,
-                     "line": style, "showlegend": False})  # fmt: skip
+        if spans:
+            rows.append(span_line(name, spans, begins, ends, {"color": colour, "width": 9}))
     return rows
 
 
@@ -226,7 +224,7 @@ def _state_rows(record: DriveRecord, scale: _Abscissa) -> list[Trace]:
 
 def surface_figures(
     record: DriveRecord,
-    shown: Sequence[Surface],
+    shown: Sequence[SurfaceSpan],
     slip_max: float,
     truth: Sequence[Mapping[str, Any]] = (),
 ) -> list[Figure]:
@@ -249,7 +247,7 @@ def surface_figures(
 
 
 def _curve_figure(
-    surface: Surface,
+    surface: SurfaceSpan,
     number: int,
     times: TimeScale,
     slip_max: float,
@@ -263,9 +261,9 @@ def _curve_figure(
     end = min(1.05 * max(driven, 1.3 * (out.setpoint.lambda_m or 0.0)), slip_max)
     grid = np.linspace(0.0, end, 161)
     data: list[Trace] = [
-        {"type": "scatter", "mode": "markers", "name": name, "x": slip[rows], "y": adhesions[rows],
-         "marker": {"color": colour, "size": 4, "opacity": 0.45, "symbol": symbol},
-         "hoverinfo": "skip"}
+        scatter("markers", name, slip[rows], adhesions[rows],
+                marker={"color": colour, "size": 4, "opacity": 0.45, "symbol": symbol},
+                hoverinfo="skip")
         for name, colour, symbol, rows in (
             ("traction", GREY, "circle", cloud.slip >= 0),
             ("braking", ORANGE, "x", cloud.slip < 0),
@@ -291,8 +289,8 @@ def _curve_figure(
         "samples shown."
     )
     layout = {
-        "xaxis": {"title": {"text": "slip ratio |λ|"}, "range": [0.0, end]},
-        "yaxis": {"title": {"text": "adhesion μ"}, "range": _span(adhesions, point.mu_max)},
+        "xaxis": axis("slip ratio |λ|", range=[0.0, end]),
+        "yaxis": axis("adhesion μ", range=_span(adhesions, point.mu_max)),
     }
     return Figure(caption, data, layout, height, f"surface-{number}")
 
@@ -304,7 +302,9 @@ def _span(values: Array, peak: float | None) -> list[float]:
     return [min(float(low), 0.0) - 0.04 * top, 1.12 * top]
 
 
-def _true_surface(surface: Surface, truth: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+def _true_surface(
+    surface: SurfaceSpan, truth: Sequence[Mapping[str, Any]]
+) -> Mapping[str, Any] | None:
     """True surface on which the end of a surface lies."""
     end_s = surface.to_us / 1e6
     return next((one for one in truth if one["from_s"] < end_s <= one["to_s"] + 0.1), None)
@@ -315,15 +315,14 @@ def _peak(
 ) -> Trace:
     def bars(std: float | None) -> dict[str, Any]:
         known = std if std is not None and np.isfinite(std) else 0.0
-        return {"type": "data", "array": [known], "color": BLUE, "thickness": 1.4, "width": 4}
+        return whiskers([known], color=BLUE, thickness=1.4, width=4)
 
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "name": "peak ± standard deviation",
-        "x": [lambda_m],
-        "y": [mu_max],
-        "error_x": bars(lambda_m_std),
-        "error_y": bars(mu_max_std),
-        "marker": {"color": BLUE, "size": 10, "symbol": "diamond"},
-    }
+    return scatter(
+        "markers",
+        "peak ± standard deviation",
+        [lambda_m],
+        [mu_max],
+        error_x=bars(lambda_m_std),
+        error_y=bars(mu_max_std),
+        marker={"color": BLUE, "size": 10, "symbol": "diamond"},
+    )

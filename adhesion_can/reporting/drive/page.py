@@ -11,8 +11,8 @@ from adhesion_can.plurals import in_words
 from adhesion_can.reporting.drive.figures import overview_figure, state_name, surface_figures
 from adhesion_can.reporting.drive.recorder import DriveRecord
 from adhesion_can.reporting.drive.signal_panels import signal_panels, signal_table
-from adhesion_can.reporting.drive.surfaces import A_BIN, SLIP_BINS, Surface, longest
-from adhesion_can.reporting.page import Figure, Grid, Page, Part, Section, Table, Text
+from adhesion_can.reporting.drive.surfaces import A_BIN, SLIP_BINS, SurfaceSpan, longest
+from adhesion_can.reporting.page import Figure, Grid, Page, Part, Table, Text
 from adhesion_can.result_text import TimeScale, plus_minus
 
 MOST_FIGURES = 12
@@ -46,14 +46,7 @@ class DriveTexts:
 
 
 def page(record: DriveRecord, texts: DriveTexts, config: Configuration) -> Page:
-    """Build the page of a drive.
-
-    Args:
-        record: Drive as the service saw it.
-        texts: What the page says besides.
-        config: Configuration of the service.
-
-    """
+    """Build the page of a drive."""
     slip_max = config.estimators.identifiability.slip_max
     sections = {"Overview": _overview(record, texts.truth, config)}
     if texts.comparison:
@@ -67,7 +60,7 @@ def page(record: DriveRecord, texts: DriveTexts, config: Configuration) -> Page:
         title=texts.title,
         lead=texts.lead,
         verdict=[*_verdict(record), *texts.verdict],
-        sections=[Section(name, parts) for name, parts in sections.items()],
+        sections=sections,
         provenance=texts.provenance,
         begin=TimeScale.beginning_at(record.first_us).heading(),
     )
@@ -92,24 +85,25 @@ def _overview(
 
 def _verdict(record: DriveRecord) -> list[str]:
     """Sentences on status, surfaces, objections and doubt."""
-    total = sum(record.statuses.values())
+    counts = record.counts
+    total = counts.by_status.total()
     if not total:
         return ["The service sent no setpoint."]
     shares = [
         f"{name.replace('_', ' ')} {_share(count, total)}"
-        for name, count in ((s.name, record.statuses[s]) for s in Status)
+        for name, count in ((s.name, counts.by_status[s]) for s in Status)
         if count
     ]
     found = [f"Status by time: {', '.join(shares)}."]
     points = [(s.last.setpoint.mu_max, s.last.mu_max_std) for s in record.surfaces]
     sure = [mu for mu, std in points if mu is not None and std is not None and std < 0.1 * mu]
     found.append(_surfaces_found(len(record.surfaces), sure))
-    found += record.objection_log.sentences()
-    doubts = [(d, n) for d, n in record.doubts.most_common() if d in DESCRIPTIONS]
+    found += counts.objections.sentences()
+    doubts = [(d, n) for d, n in counts.by_doubt.most_common() if d in DESCRIPTIONS]
     if doubts:
         why = ", ".join(f"{DESCRIPTIONS[d]} ({_share(n, total)})" for d, n in doubts)
         found.append(f"Doubt: {why}; 'adhesion-can diagnose' looks for the cause.")
-    elif not record.doubts[Doubt.NONE]:
+    elif not counts.by_doubt[Doubt.NONE]:
         found.append("Model check not run: doubt was not available.")
     else:
         found.append(
@@ -180,7 +174,7 @@ def _surfaces(
 
 
 def _surface_row(
-    number: int, surface: Surface, begin_m: float, times: TimeScale
+    number: int, surface: SurfaceSpan, begin_m: float, times: TimeScale
 ) -> tuple[str, ...]:
     out = surface.last
     theta = out.theta or (float("nan"),) * 3
@@ -204,13 +198,13 @@ def _rest(count: int, what: str) -> str:
 
 def _states(record: DriveRecord) -> list[Part]:
     """Shares of status, doubt and objections, and the log of their changes."""
-    total = sum(record.statuses.values())
+    total = record.counts.by_status.total()
     rows = [
         (kind, state_name(state), str(count), _share(count, total))
         for kind, counts in (
-            ("status", record.statuses),
-            ("doubt", record.doubts),
-            ("objection", record.objections),
+            ("status", record.counts.by_status),
+            ("doubt", record.counts.by_doubt),
+            ("objection", record.counts.by_objection),
         )
         for state, count in counts.most_common()
     ]

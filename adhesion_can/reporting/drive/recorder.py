@@ -4,7 +4,6 @@ The memory that this takes does not grow with the drive but for the lists of sur
 objections, a few hundred bytes each.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 
 from adhesion_can.physics.doubt import Doubt
@@ -12,8 +11,8 @@ from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.reporting.drive.history import History, HistoryRecorder
-from adhesion_can.reporting.drive.surfaces import Surface, SurfaceRecorder
-from adhesion_can.reporting.objections import ObjectionLog
+from adhesion_can.reporting.drive.surfaces import SurfaceRecorder, SurfaceSpan
+from adhesion_can.reporting.setpoint_counts import SetpointCounts
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.sampling.drive_signals import DriveSignals
 from adhesion_can.service.outputs import Outputs
@@ -51,10 +50,7 @@ class DriveRecord:
         surfaces: Surfaces in the order of their times.
         changes: First changes of status, doubt or objection, the start of the drive included.
         change_count: Number of all of them.
-        statuses: Number of setpoints by status.
-        doubts: Number of setpoints by doubt.
-        objections: Number of setpoints by objection.
-        objection_log: Objections in the order of their times.
+        counts: Numbers of setpoints by status, doubt and objection.
         first_us: Stamp of the first setpoint, µs; 0 where there is none.
         last_us: Stamp of the last setpoint, µs; 0 where there is none.
         distance: Distance travelled where the speed is known, m.
@@ -63,13 +59,10 @@ class DriveRecord:
     """
 
     history: History
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[SurfaceSpan, ...]
     changes: tuple[StateChange, ...]
     change_count: int
-    statuses: Counter[Status]
-    doubts: Counter[Doubt]
-    objections: Counter[Objection]
-    objection_log: ObjectionLog
+    counts: SetpointCounts
     first_us: int
     last_us: int
     distance: float
@@ -91,10 +84,7 @@ class DriveRecorder:
         self._changes: list[StateChange] = []
         self._change_count = 0
         self._state: tuple[Status, Doubt, Objection] | None = None
-        self._statuses: Counter[Status] = Counter()
-        self._doubts: Counter[Doubt] = Counter()
-        self._objections: Counter[Objection] = Counter()
-        self._objection_log = ObjectionLog()
+        self._counts = SetpointCounts()
         self._first_us: int | None = None
         self._last_us = 0
 
@@ -105,11 +95,8 @@ class DriveRecorder:
         self._last_us = t_us
         self._history.add(t_us, outputs)
         self._surfaces.add(t_us, outputs, self._history.distance)
+        self._counts.add(t_us, outputs)
         state = outputs.status, outputs.doubt, outputs.objection
-        self._statuses[state[0]] += 1
-        self._doubts[state[1]] += 1
-        self._objections[state[2]] += 1
-        self._objection_log.add(t_us, state[2])
         if state != self._state:
             self._state = state
             self._change_count += 1
@@ -132,22 +119,9 @@ class DriveRecorder:
             surfaces=tuple(self._surfaces.result()),
             changes=tuple(self._changes),
             change_count=self._change_count,
-            statuses=self._statuses,
-            doubts=self._doubts,
-            objections=self._objections,
-            objection_log=self._objection_log,
+            counts=self._counts,
             first_us=self._first_us or 0,
             last_us=self._last_us,
             distance=self._history.distance,
             signals=self._signals,
         )
-
-
-class NoRecorder:
-    """Takes the place of a recorder where no report is asked for: it keeps nothing."""
-
-    def add(self, t_us: int, outputs: Outputs) -> None:
-        """Add the setpoint of a due time, µs."""
-
-    def add_samples(self, samples: Samples) -> None:
-        """Add samples, in the order of their collection."""

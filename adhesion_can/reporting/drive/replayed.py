@@ -16,16 +16,7 @@ def replay_texts(
     verdict: Sequence[str],
     provenance: Mapping[str, str],
 ) -> DriveTexts:
-    """Texts of the page of a replay.
-
-    Args:
-        summary: Numbers of the replay.
-        core: Core after the replay.
-        problems: Sentence for each problem of the recordings.
-        verdict: Further results, a sentence each.
-        provenance: Version, hashes and command by name.
-
-    """
+    """Texts of the page of a replay."""
     span_s = ((summary.last_us or 0) - (summary.first_us or 0)) / 1e6
     lead = (
         f"The service on {summary.frames} recorded frames ({duration_text(span_s)}), as it would "

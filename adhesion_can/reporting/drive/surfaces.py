@@ -62,7 +62,7 @@ class Cloud:
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class SurfaceSpan:
     """Span of a drive on one surface.
 
     Attributes:
@@ -91,7 +91,7 @@ class SurfaceRecorder:
 
     def __init__(self, slip_max: float) -> None:
         self._slip_max = slip_max
-        self._surfaces: list[Surface] = []
+        self._surfaces: list[SurfaceSpan] = []
         self._clouds: dict[int, Cloud] = {}
         self._since_us: int | None = None
         self._told_us = 0
@@ -111,7 +111,7 @@ class SurfaceRecorder:
             self._begin(since_us, t_us)
         self._since_us = since_us
         begin_us = self._surfaces[-1].from_us
-        self._surfaces[-1] = Surface(begin_us, t_us, distance, outputs)
+        self._surfaces[-1] = SurfaceSpan(begin_us, t_us, distance, outputs)
 
     def _begin(self, since_us: int, t_us: int) -> None:
         """Start a surface, or date the present one again.
@@ -129,7 +129,7 @@ class SurfaceRecorder:
                 known[-1] = replace(known[-1], from_us=since_us)
             return
         floor_us = known[-1].from_us if known else since_us
-        known.append(Surface(max(since_us, floor_us), t_us, 0.0, Outputs()))
+        known.append(SurfaceSpan(max(since_us, floor_us), t_us, 0.0, Outputs()))
         self._told_us = t_us
 
     def add_samples(self, samples: Samples) -> None:
@@ -141,7 +141,7 @@ class SurfaceRecorder:
         if self._size >= CHUNK:
             self._sort_in(int(samples.t_us[-1]) - SETTLED_US)
 
-    def result(self) -> list[Surface]:
+    def result(self) -> list[SurfaceSpan]:
         """The surfaces in their order."""
         self._sort_in(None)
         # A change is told after it happened: until then the surface before it was sent.
@@ -202,7 +202,7 @@ class SurfaceRecorder:
             del self._clouds[min(others, key=lambda number: self._clouds[number].total)]
 
 
-def longest(surfaces: Sequence[Surface], most: int) -> list[Surface]:
+def longest(surfaces: Sequence[SurfaceSpan], most: int) -> list[SurfaceSpan]:
     """The surfaces with the most samples, at most so many, in the order of their times."""
     with_data = [surface for surface in surfaces if surface.cloud is not None]
     ranked = sorted(with_data, key=lambda surface: -(surface.cloud or Cloud.empty()).total)

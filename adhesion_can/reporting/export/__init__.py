@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from adhesion_can.errors import InputError
 from adhesion_can.reporting.export.layout import (
-    Column,
     Field,
+    FieldColumn,
     Frames,
     Group,
+    GroupRows,
     Raw,
-    Rows,
     Sink,
 )
 from adhesion_can.reporting.export.target import (
@@ -35,12 +35,12 @@ __all__ = [
     "FOLDER_FORMATS",
     "SUFFIXES",
     "TABLE_SUFFIXES",
-    "Column",
     "Field",
+    "FieldColumn",
     "Frames",
     "Group",
+    "GroupRows",
     "Raw",
-    "Rows",
     "TableWriter",
     "Target",
     "Writer",
@@ -67,8 +67,8 @@ class Writer:
         """
         self._sink.begin(t_ns)
 
-    def write(self, rows: Sequence[Rows], frames: Frames | None = None) -> None:
-        """Append rows; `Rows.position` is their order.
+    def write(self, rows: Sequence[GroupRows], frames: Frames | None = None) -> None:
+        """Append rows; `GroupRows.position` is their order.
 
         Args:
             rows: Rows of some groups.
@@ -90,7 +90,7 @@ class TableWriter:
         self._writer = writer
         self._group = group
 
-    def write(self, t_ns: NDArray[np.int64], columns: Sequence[Column]) -> None:
+    def write(self, t_ns: NDArray[np.int64], columns: Sequence[FieldColumn]) -> None:
         """Append rows.
 
         Args:
@@ -98,7 +98,7 @@ class TableWriter:
             columns: Column of each field, shape (n,) each.
 
         """
-        self._writer.write([Rows(self._group, np.arange(len(t_ns)), t_ns, columns)])
+        self._writer.write([GroupRows(self._group, np.arange(len(t_ns)), t_ns, columns)])
 
 
 @contextmanager

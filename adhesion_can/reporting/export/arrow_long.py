@@ -17,7 +17,14 @@ from adhesion_can.reporting.export.arrow_fields import (
     arrow_column,
     arrow_texts,
 )
-from adhesion_can.reporting.export.layout import SECOND, Column, Frames, Group, Rows, in_order
+from adhesion_can.reporting.export.layout import (
+    SECOND,
+    FieldColumn,
+    Frames,
+    Group,
+    GroupRows,
+    in_order,
+)
 
 _TEXTS = ("channel", "message", "signal", "unit")
 _EXACT = 1 << 53
@@ -54,7 +61,7 @@ class ArrowLong:
     def begin(self, t_ns: int) -> None:
         """Do nothing: the rows keep the stamps of the recording."""
 
-    def write(self, rows: Sequence[Rows], _frames: Frames | None = None) -> None:
+    def write(self, rows: Sequence[GroupRows], _frames: Frames | None = None) -> None:
         """Append rows."""
         held = [part for part in rows if len(part.t_ns)]
         if not held:
@@ -121,7 +128,7 @@ class ArrowLong:
             for kind, column in zip(_TEXTS, texts, strict=True)
         ]
 
-    def _values(self, rows: Rows) -> NDArray[np.float64]:
+    def _values(self, rows: GroupRows) -> NDArray[np.float64]:
         """Values as floats, shape (n, k); integers that get rounded are counted."""
         values = np.empty((len(rows.t_ns), len(rows.columns)))
         for place, column in enumerate(rows.columns):
@@ -167,7 +174,7 @@ class _Names:
         return pa.DictionaryArray.from_arrays(arrow_column(codes), self.texts())
 
 
-def _present(rows: Rows) -> NDArray[np.bool_]:
+def _present(rows: GroupRows) -> NDArray[np.bool_]:
     """Which rows have which of their fields, shape (n, k)."""
     mask = np.ones((len(rows.t_ns), len(rows.columns)), dtype=np.bool_)
     for place, column in enumerate(rows.columns):
@@ -176,7 +183,7 @@ def _present(rows: Rows) -> NDArray[np.bool_]:
     return mask
 
 
-def _count_beyond(column: Column) -> int:
+def _count_beyond(column: FieldColumn) -> int:
     """Number of integers that a float may not hold."""
     values = column.values if column.missing is None else column.values[~column.missing]
     beyond = values > _EXACT

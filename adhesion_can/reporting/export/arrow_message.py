@@ -9,7 +9,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from adhesion_can.reporting.export.arrow_fields import TIME_NS, TIME_S, arrow_column, arrow_field
-from adhesion_can.reporting.export.layout import SECOND, Column, Group, Rows
+from adhesion_can.reporting.export.layout import SECOND, FieldColumn, Group, GroupRows
 from adhesion_can.reporting.export.message_folder import MessageFolder
 
 _CELLS = 1 << 20
@@ -38,10 +38,10 @@ class ArrowMessageFile:
         self._group = group
         self._schema = pa.schema([TIME_S, TIME_NS, *columns], metadata={**origin, **about})
         self._writer = (_arrow if suffix == ".arrow" else _parquet)(file, self._schema)
-        self._rows: list[Rows] = []
+        self._rows: list[GroupRows] = []
         self.held = 0
 
-    def write(self, rows: Rows) -> None:
+    def write(self, rows: GroupRows) -> None:
         """Append rows."""
         self._rows.append(rows)
         self.held += len(rows.t_ns) * len(self._schema)
@@ -67,15 +67,15 @@ class ArrowMessageFile:
             self._writer.close()
 
 
-def _joined(columns: list[Column]) -> Column:
+def _joined(columns: list[FieldColumn]) -> FieldColumn:
     values = np.concatenate([column.values for column in columns])
     if all(column.missing is None for column in columns):
-        return Column(values)
+        return FieldColumn(values)
     masks = [
         np.zeros(len(column.values), dtype=bool) if column.missing is None else column.missing
         for column in columns
     ]
-    return Column(values, np.concatenate(masks))
+    return FieldColumn(values, np.concatenate(masks))
 
 
 def _parquet(file: BinaryIO, schema: Any) -> Any:

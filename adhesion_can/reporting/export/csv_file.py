@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from adhesion_can.files import Temporary
 from adhesion_can.formula_cells import quote_formula
 from adhesion_can.reporting.export.growing_table import GrowingTable
-from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count
+from adhesion_can.reporting.export.layout import SECOND, Field, FieldColumn, Group, GroupRows, count
 from adhesion_can.reporting.export.message_folder import MessageFolder
 from adhesion_can.reporting.export.number_texts import FloatTexts
 
@@ -108,7 +108,7 @@ class CsvPartFile:
         self._file = table_format.pack(file, self._stack)
         self._file.write(table_format.header(groups))
 
-    def write(self, rows: Sequence[Rows]) -> None:
+    def write(self, rows: Sequence[GroupRows]) -> None:
         """Append rows."""
         lines = np.empty(count(rows), dtype=object)
         for part in rows:
@@ -119,7 +119,7 @@ class CsvPartFile:
         """Write what is left; the file stays open."""
         self._stack.close()
 
-    def _lines(self, rows: Rows) -> Iterable[str]:
+    def _lines(self, rows: GroupRows) -> Iterable[str]:
         before = self._before[rows.group.name]
         after = self._width - before - len(rows.group.fields)
         name = self._format.line([rows.group.name])[:-1] if self._format.by_message else ""
@@ -131,7 +131,7 @@ class CsvPartFile:
         end = "," * after + "\n"
         return [",".join(row) + end for row in zip(*cells, strict=False)]
 
-    def _column(self, field: Field, column: Column) -> list[str]:
+    def _column(self, field: Field, column: FieldColumn) -> list[str]:
         numbers = column.values
         if field.text:
             texts = [self._format.line([field.names[number]])[:-1] for number in numbers.tolist()]
@@ -165,7 +165,7 @@ class CsvMessageFile:
         )
         self._file = CsvPartFile(file, (group,), plain)
 
-    def write(self, rows: Rows) -> None:
+    def write(self, rows: GroupRows) -> None:
         """Append rows."""
         self._file.write([rows._replace(position=np.arange(len(rows.t_ns)))])
 

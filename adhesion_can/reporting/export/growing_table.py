@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from adhesion_can.files import OutputFile, Temporary
-from adhesion_can.reporting.export.layout import Frames, Group, Rows
+from adhesion_can.reporting.export.layout import Frames, Group, GroupRows
 
 
 class PartFile(Protocol):
     """Rows of a fixed set of columns on their way into a file."""
 
-    def write(self, rows: Sequence[Rows]) -> None:
+    def write(self, rows: Sequence[GroupRows]) -> None:
         """Append rows of the part's own groups."""
 
     def close(self) -> None:
@@ -64,7 +64,7 @@ class GrowingTable:
     def begin(self, t_ns: int) -> None:
         """Do nothing: the table keeps the stamps of the recording."""
 
-    def write(self, rows: Sequence[Rows], _frames: Frames | None = None) -> None:
+    def write(self, rows: Sequence[GroupRows], _frames: Frames | None = None) -> None:
         """Append rows."""
         held = [part for part in rows if len(part.t_ns)]
         fresh = [part for part in held if part.group.name not in self._groups]

@@ -79,7 +79,7 @@ class Group:
     channel: str = ""
 
 
-class Column(NamedTuple):
+class FieldColumn(NamedTuple):
     """Numbers of one field.
 
     Attributes:
@@ -92,7 +92,7 @@ class Column(NamedTuple):
     missing: NDArray[np.bool_] | None = None
 
 
-class Rows(NamedTuple):
+class GroupRows(NamedTuple):
     """Rows of one group.
 
     Attributes:
@@ -107,17 +107,17 @@ class Rows(NamedTuple):
     group: Group
     position: NDArray[np.int64]
     t_ns: NDArray[np.int64]
-    columns: Sequence[Column]
+    columns: Sequence[FieldColumn]
 
-    def between(self, first: int, end: int) -> "Rows":
+    def between(self, first: int, end: int) -> "GroupRows":
         """The rows whose position is first .. end - 1, counted from `first`."""
         low, high = np.searchsorted(self.position, (first, end))
         part = slice(int(low), int(high))
         columns = [
-            Column(c.values[part], None if c.missing is None else c.missing[part])
+            FieldColumn(c.values[part], None if c.missing is None else c.missing[part])
             for c in self.columns
         ]
-        return Rows(self.group, self.position[part] - first, self.t_ns[part], columns)
+        return GroupRows(self.group, self.position[part] - first, self.t_ns[part], columns)
 
 
 class Frames(NamedTuple):
@@ -125,7 +125,7 @@ class Frames(NamedTuple):
 
     Attributes:
         block: Block of the recording.
-        place: Row of the block of each `Rows.position`, ascending, shape (n,).
+        place: Row of the block of each `GroupRows.position`, ascending, shape (n,).
 
     """
 
@@ -139,8 +139,8 @@ class Sink(Protocol):
     def begin(self, t_ns: int) -> None:
         """Set the start of the file's time, if it counts from a start."""
 
-    def write(self, rows: Sequence[Rows], frames: Frames | None = None) -> None:
-        """Append rows; `Rows.position` is their order.
+    def write(self, rows: Sequence[GroupRows], frames: Frames | None = None) -> None:
+        """Append rows; `GroupRows.position` is their order.
 
         Args:
             rows: Rows of some groups.
@@ -177,12 +177,12 @@ class SinkOpener(Protocol):
         """
 
 
-def count(rows: Sequence[Rows]) -> int:
+def count(rows: Sequence[GroupRows]) -> int:
     """Number of rows of all groups."""
     return sum(len(part.t_ns) for part in rows)
 
 
-def in_order(rows: Sequence[Rows]) -> NDArray[np.int64]:
+def in_order(rows: Sequence[GroupRows]) -> NDArray[np.int64]:
     """Stamps of the rows of all groups in their order, ns, shape (n,)."""
     t_ns = np.empty(count(rows), dtype=np.int64)
     for part in rows:

@@ -11,7 +11,7 @@ from mcap.writer import CompressionType, Writer
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.files import OutputFile
-from adhesion_can.reporting.export.layout import Field, Frames, Group, Rows
+from adhesion_can.reporting.export.layout import Field, Frames, Group, GroupRows
 from adhesion_can.reporting.export.number_texts import FloatTexts
 from adhesion_can.version import __version__
 
@@ -57,7 +57,7 @@ class McapFile:
     def begin(self, t_ns: int) -> None:
         """Do nothing: the messages keep the stamps of the recording."""
 
-    def write(self, rows: Sequence[Rows], frames: Frames | None = None) -> None:
+    def write(self, rows: Sequence[GroupRows], frames: Frames | None = None) -> None:
         """Append rows, and the frames behind them."""
         messages: list[_Message] = [_NOTHING] * sum(len(part.t_ns) for part in rows)
         for part in rows:
@@ -152,7 +152,7 @@ def _frame_head(key: int, kind: int, length: int) -> bytes:
     return json.dumps(head, separators=(",", ":")).encode().removesuffix(b'""}')
 
 
-def _documents(rows: Rows, texts: FloatTexts) -> list[bytes]:
+def _documents(rows: GroupRows, texts: FloatTexts) -> list[bytes]:
     """A document a row, with the fields that the row has."""
     names = [json.dumps(field.name, ensure_ascii=False) for field in rows.group.fields]
     cells = [

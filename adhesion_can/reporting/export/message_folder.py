@@ -10,7 +10,7 @@ from typing import BinaryIO, Protocol
 
 from adhesion_can.errors import InputError
 from adhesion_can.files import Temporary, read_small_file, whole_file
-from adhesion_can.reporting.export.layout import Frames, Group, Rows
+from adhesion_can.reporting.export.layout import Frames, Group, GroupRows
 
 LIST = "convert.json"
 """Name of the file that lists the files of a folder."""
@@ -29,7 +29,7 @@ class MessageFile(Protocol):
     held: int
     """Number of cells that are held in memory."""
 
-    def write(self, rows: Rows) -> None:
+    def write(self, rows: GroupRows) -> None:
         """Append rows."""
 
     def flush(self) -> None:
@@ -93,7 +93,7 @@ class MessageFolder:
     def begin(self, t_ns: int) -> None:
         """Do nothing: the files keep the stamps of the recording."""
 
-    def write(self, rows: Sequence[Rows], _frames: Frames | None = None) -> None:
+    def write(self, rows: Sequence[GroupRows], _frames: Frames | None = None) -> None:
         """Append rows."""
         for part in rows:
             if len(part.t_ns):

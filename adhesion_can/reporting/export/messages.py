@@ -12,7 +12,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.database import CanDatabase
 from adhesion_can.bus.decoder import MessageColumns
 from adhesion_can.bus.signal_columns import SignalColumn
-from adhesion_can.reporting.export.layout import Column, Field, Frames, Group, Raw, Rows
+from adhesion_can.reporting.export.layout import Field, FieldColumn, Frames, Group, GroupRows, Raw
 
 _RAW_BITS = 32
 _LARGEST_OFFSET = 1 << 40  # in steps; up to there 53 bits lead from a number back to its raw value
@@ -35,7 +35,9 @@ class MessageRows:
         self._times_named = Counter(message.name for message in database.db.messages)
         self._groups: dict[tuple[int, bool, str], Group] = {}
 
-    def build(self, decoded: Sequence[MessageColumns], block: Block) -> tuple[list[Rows], Frames]:
+    def build(
+        self, decoded: Sequence[MessageColumns], block: Block
+    ) -> tuple[list[GroupRows], Frames]:
         """Rows of one block, in the order of the recording, and the frames behind them."""
         parts = list(self._parts(decoded, block))
         rank, place = _order([columns.rows[keep] for columns, keep, _ in parts])
@@ -64,13 +66,13 @@ class MessageRows:
 
     def _rows(
         self, columns: MessageColumns, keep: _Rows, channel: str, position: NDArray[np.int64]
-    ) -> Rows:
+    ) -> GroupRows:
         group = self._group(columns, channel)
         cells = []
         for field, signal in zip(group.fields, columns.signals.values(), strict=True):
             missing = None if signal.present is None else ~signal.present[keep]
-            cells.append(Column(signal.values[keep].astype(field.dtype, copy=False), missing))
-        return Rows(group, position, columns.t_ns[keep], cells)
+            cells.append(FieldColumn(signal.values[keep].astype(field.dtype, copy=False), missing))
+        return GroupRows(group, position, columns.t_ns[keep], cells)
 
     def _group(self, columns: MessageColumns, channel: str) -> Group:
         message = columns.message

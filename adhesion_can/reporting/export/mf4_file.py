@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from adhesion_can.files import OutputFile
 from adhesion_can.reporting.export.layout import (
     SECOND,
-    Column,
     Field,
+    FieldColumn,
     Frames,
     Group,
-    Rows,
+    GroupRows,
     count,
     in_order,
 )
@@ -60,14 +60,14 @@ class Mf4File:
         self._mdf.header.comment = "\n".join(f"{key}: {text}" for key, text in origin.items())
         empty = np.empty(0, dtype=np.int64)
         for group in groups:
-            columns = [Column(np.empty(0, field.dtype)) for field in group.fields]
-            self._append(Rows(group, empty, empty, columns), np.empty(0))
+            columns = [FieldColumn(np.empty(0, field.dtype)) for field in group.fields]
+            self._append(GroupRows(group, empty, empty, columns), np.empty(0))
 
     def begin(self, t_ns: int) -> None:
         """Set the time from which the file counts, ns since the epoch; before the first rows."""
         self._start_ns = max(t_ns, 0)  # the format knows none before 1970
 
-    def write(self, rows: Sequence[Rows], _frames: Frames | None = None) -> None:
+    def write(self, rows: Sequence[GroupRows], _frames: Frames | None = None) -> None:
         """Append rows."""
         if not count(rows):
             return
@@ -112,7 +112,7 @@ class Mf4File:
             self._mdf.close()
         self._out.abandon()
 
-    def _append(self, rows: Rows, time_s: NDArray[np.float64]) -> None:
+    def _append(self, rows: GroupRows, time_s: NDArray[np.float64]) -> None:
         group = rows.group
         source = None
         if self._bus:
@@ -140,19 +140,19 @@ class Mf4File:
         )
 
 
-def _sort_by_time(rows: Rows) -> Rows:
+def _sort_by_time(rows: GroupRows) -> GroupRows:
     """The rows in the order of their stamps; those of one stamp stay as they are."""
     if (np.diff(rows.t_ns) >= 0).all():
         return rows
     order = np.argsort(rows.t_ns, kind="stable")
     columns = [
-        Column(c.values[order], None if c.missing is None else c.missing[order])
+        FieldColumn(c.values[order], None if c.missing is None else c.missing[order])
         for c in rows.columns
     ]
     return rows._replace(t_ns=rows.t_ns[order], columns=columns)
 
 
-def _stored(field: Field, column: Column) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+def _stored(field: Field, column: FieldColumn) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
     """Values as the file stores them, and the mask of the invalid ones; None: all are valid."""
     missing = column.missing
     if field.optional and missing is None:
@@ -166,13 +166,9 @@ def _stored(field: Field, column: Column) -> tuple[NDArray[Any], NDArray[np.bool
     values = values.astype(field.dtype, copy=False)
     if missing is not None and missing.any() and not field.text:
         # For readers that do not know of invalidation bits. A text names its missing rows itself.
-        values = np.where(missing, values.dtype.type(_placeholder(values.dtype)), values)
+        placeholder = float("nan") if values.dtype.kind == "f" else 0
+        values = np.where(missing, values.dtype.type(placeholder), values)
     return values, missing
-
-
-def _placeholder(dtype: np.dtype[Any]) -> float:
-    """Number that stands in place of a missing value."""
-    return float("nan") if dtype.kind == "f" else 0
 
 
 def _conversion(field: Field) -> dict[str, Any] | None:

@@ -19,7 +19,15 @@ from adhesion_can.reporting.export.arrow_fields import (
     arrow_texts,
 )
 from adhesion_can.reporting.export.growing_table import GrowingTable
-from adhesion_can.reporting.export.layout import SECOND, Column, Field, Group, Rows, count, in_order
+from adhesion_can.reporting.export.layout import (
+    SECOND,
+    Field,
+    FieldColumn,
+    Group,
+    GroupRows,
+    count,
+    in_order,
+)
 
 _CELLS = 1 << 24
 """Number of cells of a row group, which is held in memory."""
@@ -85,7 +93,7 @@ class ParquetPartFile:
         self._held_rows = 0
         self._writer = _writer(file, self._schema)
 
-    def write(self, rows: Sequence[Rows]) -> None:
+    def write(self, rows: Sequence[GroupRows]) -> None:
         """Append rows."""
         total, first = count(rows), 0
         while first < total:
@@ -109,7 +117,7 @@ class ParquetPartFile:
         if held:
             self._writer.write_table(pa.concat_tables(held), row_group_size=self._limit)
 
-    def _table(self, rows: Sequence[Rows], size: int) -> Any:
+    def _table(self, rows: Sequence[GroupRows], size: int) -> Any:
         t_ns = in_order(rows)
         columns = [arrow_column(t_ns / SECOND)]
         by_group = {part.group.name: part for part in rows if len(part.t_ns)}
@@ -131,7 +139,7 @@ def _writer(file: BinaryIO, schema: Any) -> Any:
     return parquet.ParquetWriter(file, schema, use_dictionary=values, column_encoding=deltas)
 
 
-def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
+def _arrays(group: Group, rows: GroupRows | None, size: int) -> Iterator[Any]:
     if rows is None:
         for field in group.fields:
             yield pa.nulls(size, arrow_field(field.name, field).type)
@@ -154,7 +162,7 @@ def _arrays(group: Group, rows: Rows | None, size: int) -> Iterator[Any]:
 
 def _scatter(
     field: Field,
-    column: Column,
+    column: FieldColumn,
     position: NDArray[np.int64],
     absent: NDArray[np.bool_] | None,
 ) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:

@@ -13,7 +13,7 @@ from adhesion_can.arrays import Array
 from adhesion_can.bus.database import cycle_us
 from adhesion_can.errors import InputError
 from adhesion_can.plurals import counted
-from adhesion_can.reporting.export.layout import FLOAT, Column, Field, Rows
+from adhesion_can.reporting.export.layout import FLOAT, Field, FieldColumn, GroupRows
 
 UNITS_NS = {"us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 """Nanoseconds by unit of time."""
@@ -52,7 +52,7 @@ class Raster:
         self._holes = 0
         self._longest_ns = 0
 
-    def expect(self, messages: Iterable[Message], rows: Sequence[Rows]) -> None:
+    def expect(self, messages: Iterable[Message], rows: Sequence[GroupRows]) -> None:
         """Note the signals of rows that will be added, for the fields of the table.
 
         Args:
@@ -83,7 +83,9 @@ class Raster:
         longest = f"the longest {self._longest_ns / 1e9:.0f} s"
         return [f"no rows in {holes} without a frame of a selected signal, {longest}"]
 
-    def add(self, rows: Sequence[Rows]) -> Iterator[tuple[NDArray[np.int64], list[Column]]]:
+    def add(
+        self, rows: Sequence[GroupRows]
+    ) -> Iterator[tuple[NDArray[np.int64], list[FieldColumn]]]:
         """Stamps, ns, shape (n,), and columns of the even times up to the last of more rows.
 
         They come in pieces, so that memory is bounded however small the step is. Even times long
@@ -128,7 +130,7 @@ class Raster:
             self._next_ns += steps * self._step_ns
         yield int(at_ns[-1])
 
-    def _readings(self, rows: Sequence[Rows]) -> dict[str, tuple[NDArray[np.int64], Array]]:
+    def _readings(self, rows: Sequence[GroupRows]) -> dict[str, tuple[NDArray[np.int64], Array]]:
         """Stamps, ns, ascending, and values of each signal, its latest one before them first."""
         found = {
             name: (np.array([held.t_ns], dtype=np.int64), np.array([held.value]))
@@ -149,15 +151,15 @@ class Raster:
 
     def _hold(
         self, name: str, even: NDArray[np.int64], stamps: NDArray[np.int64], values: Array
-    ) -> Column:
+    ) -> FieldColumn:
         """Values of a signal at even times, by its readings."""
         if not len(stamps):
-            return Column(np.zeros(len(even)), np.ones(len(even), dtype=np.bool_))
+            return FieldColumn(np.zeros(len(even)), np.ones(len(even), dtype=np.bool_))
         place = np.searchsorted(stamps, even, side="right") - 1
         known = place >= 0
         held = values[np.maximum(place, 0)]
         age = even - stamps[np.maximum(place, 0)]
-        return Column(held, ~(known & (age <= self._limits[name])))
+        return FieldColumn(held, ~(known & (age <= self._limits[name])))
 
 
 def parse_raster(text: str) -> int:

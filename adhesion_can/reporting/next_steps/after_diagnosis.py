@@ -28,14 +28,7 @@ DRIVE = "record a drive that sweeps the slip in traction and braking for four mi
 
 
 def after_diagnosis(found: Diagnosis, typed: Typed, configuration: Configuration) -> NextStep:
-    """What was found, and what to do next.
-
-    Args:
-        found: Result of the diagnosis.
-        typed: What the user typed.
-        configuration: Vehicle and roles of the recordings.
-
-    """
+    """What was found, and what to do next."""
     if found.gain is None:
         finding = "These data allow no verdict."
         return NextStep(finding, f"{DRIVE}, then {typed.command('diagnose', _new(typed))}")

@@ -8,7 +8,7 @@ from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_
 from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.offline.check import CheckResult
 from adhesion_can.offline.check_table import TableCheck
-from adhesion_can.offline.recording_fit import Misfit
+from adhesion_can.offline.recording_fit import BusMisfit
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import WORDINGS, Objection
@@ -21,13 +21,7 @@ BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in
 
 
 def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> NextStep:
-    """Whether the data are usable, and what to do next.
-
-    Args:
-        results: Check of the recordings together, or of each table.
-        typed: What the user typed.
-
-    """
+    """Whether the data are usable, and what to do next."""
     failures = WRONG.lines(results)
     for misfit in (one.misfit for one in results if isinstance(one, CheckResult)):
         if misfit is not None:
@@ -44,7 +38,7 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
             "The data are readable, but adhesion cannot be computed from them.",
             "add the missing roles or columns, then " + typed.on_inputs("check"),
         )
-    if not any(_has_peak(fit) for fit in fits):
+    if not any(one.estimate.identifiable.both for fit in fits for one in fit.segments):
         if any(_is_hidden(segment) for fit in fits for segment in fit.segments):
             return NextStep(
                 "The data are readable, but no peak is identifiable.", typed.on_inputs("diagnose")
@@ -58,13 +52,7 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
 
 
 def after_identification(found: BatchResult, typed: Typed) -> NextStep:
-    """The peak where there is one, and what to do next.
-
-    Args:
-        found: Result of the batch fit.
-        typed: What the user typed.
-
-    """
+    """The peak where there is one, and what to do next."""
     known = [one.estimate for one in found.segments if one.estimate.identifiable.both]
     if not known and not any(map(_is_hidden, found.segments)):
         again = typed.command("identify", typed.new_file("NEW"))
@@ -173,7 +161,7 @@ def _model(typed: Typed) -> tuple[Path | str, ...]:
     return () if typed.model is None else ("--model", typed.model)
 
 
-def _after_misfit(misfit: Misfit, typed: Typed) -> NextStep:
+def _after_misfit(misfit: BusMisfit, typed: Typed) -> NextStep:
     finding = (
         "The recording is of another bus than the configuration."
         if misfit.of_other_bus
@@ -189,10 +177,6 @@ def _after_misfit(misfit: Misfit, typed: Typed) -> NextStep:
 def _is_hidden(segment: Segment) -> bool:
     """Whether slips reach a peak that an error of an instrument or of the model may hide."""
     return segment.missing.by_noise or bool(segment.directions.sentence)
-
-
-def _has_peak(fit: BatchResult) -> bool:
-    return any(segment.estimate.identifiable.both for segment in fit.segments)
 
 
 def _peak(estimate: Estimate) -> str:

@@ -53,12 +53,7 @@ class Typed:
     outputs: Mapping[str, Path] = field(default_factory=dict)
 
     def with_configuration(self, path: Path) -> "Typed":
-        """The same with another configuration, which names its own database.
-
-        Args:
-            path: Path of the configuration.
-
-        """
+        """The same with another configuration, which names its own database."""
         return replace(self, configuration=("--config", _quote(path)))
 
     def command(self, name: str, *words: Path | str) -> str:

@@ -9,7 +9,7 @@ from rich.text import Text
 from adhesion_can.monitoring.latest_frames import MessageKey
 from adhesion_can.monitoring.snapshot import (
     AxleView,
-    Kind,
+    MessageRole,
     MessageState,
     MessageView,
     Snapshot,
@@ -248,7 +248,7 @@ def service_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
             "inputs": f"{rejected}, {lost}, counted by the service",
             "loop": _plain(service.loop_time_us, "us for a frame, 99 % quantile", 0),
         }
-    others = sum(view.kind is Kind.OTHER for view in snapshot.messages)
+    others = sum(view.kind is MessageRole.OTHER for view in snapshot.messages)
     entries["frames"] = (
         f"{snapshot.frames} received, {snapshot.frame_rate:.0f}/s; "
         f"{counted(others, 'id')} not in the configuration"

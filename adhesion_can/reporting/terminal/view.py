@@ -42,7 +42,7 @@ PAGE_KEYS = "q quit  arrows scroll  space pause  esc back  ? help"
 WORDS_KEYS = "q quit  space pause  esc back  ? help"
 
 
-class Page(Enum):
+class ViewPage(Enum):
     """What fills the view."""
 
     OVERVIEW = auto()
@@ -67,7 +67,7 @@ class ViewOptions:
 
     """
 
-    page: Page = Page.OVERVIEW
+    page: ViewPage = ViewPage.OVERVIEW
     wanted: str = ""
     first_row: int = 0
     selected: MessageKey | None = None
@@ -97,7 +97,7 @@ def draw(
         keys = "q quit  ? help" if len("q quit  ? help") <= width else ""
     body = height - 1 - (1 if keys else 0)
     lines = [_header(snapshot, width, options.title)]
-    if width < LEAST_WIDTH or height < LEAST_HEIGHT or options.page is Page.WORDS:
+    if width < LEAST_WIDTH or height < LEAST_HEIGHT or options.page is ViewPage.WORDS:
         lines += _words(snapshot, width, body, options)
     else:
         lines += _page(snapshot, width, body, options)
@@ -113,10 +113,10 @@ def _keys(options: ViewOptions, *, is_live: bool) -> str:
     if options.keys is not None:
         return options.keys
     by_page = {
-        Page.MESSAGES: LIST_KEYS,
-        Page.SIGNALS: PAGE_KEYS,
-        Page.HELP: PAGE_KEYS,
-        Page.WORDS: WORDS_KEYS,
+        ViewPage.MESSAGES: LIST_KEYS,
+        ViewPage.SIGNALS: PAGE_KEYS,
+        ViewPage.HELP: PAGE_KEYS,
+        ViewPage.WORDS: WORDS_KEYS,
     }
     return by_page.get(options.page, LIVE_KEYS if is_live else LOG_KEYS)
 
@@ -124,9 +124,9 @@ def _keys(options: ViewOptions, *, is_live: bool) -> str:
 def last_row(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> int:
     """Largest number of rows that can be scrolled past on a page of this size, cells."""
     body = height - 2
-    if options.page is Page.HELP:
+    if options.page is ViewPage.HELP:
         return last_help_row(width, body)
-    if options.page is Page.SIGNALS:
+    if options.page is ViewPage.SIGNALS:
         view = selected_message(snapshot.messages, options.wanted, options.selected)
         return 0 if view is None else last_signal_row(snapshot, view, width, body)
     return max(len(matching(snapshot.messages, options.wanted)) - 1, 0)
@@ -134,19 +134,19 @@ def last_row(snapshot: Snapshot, width: int, height: int, options: ViewOptions) 
 
 def _words(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> list[Text]:
     """All sentences, or the lines of the help, of a terminal without room for more."""
-    if options.page is Page.HELP:
+    if options.page is ViewPage.HELP:
         return help_lines(width)[:height]
     small = Text(f"(plots and tables need {LEAST_WIDTH} x {LEAST_HEIGHT})", "dim")
-    more = [] if options.page is Page.WORDS else [small]
+    more = [] if options.page is ViewPage.WORDS else [small]
     return wrapped([*sentences(snapshot), *more], width, height)
 
 
 def _page(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> list[Text]:
-    if options.page is Page.HELP:
+    if options.page is ViewPage.HELP:
         return help_page(width, height, options.first_row)
-    if options.page is Page.MESSAGES:
+    if options.page is ViewPage.MESSAGES:
         return message_list(snapshot, width, height, options.wanted, options.selected)
-    if options.page is Page.SIGNALS:
+    if options.page is ViewPage.SIGNALS:
         view = selected_message(snapshot.messages, options.wanted, options.selected)
         if view is None:
             return message_list(snapshot, width, height, options.wanted, None)

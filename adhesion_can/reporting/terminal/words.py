@@ -6,7 +6,7 @@ from math import isfinite
 from rich.text import Text
 
 from adhesion_can.monitoring.snapshot import (
-    Kind,
+    MessageRole,
     MessageState,
     Origin,
     ServiceView,
@@ -227,7 +227,7 @@ def _silent_inputs(snapshot: Snapshot) -> str:
     silent = [
         f"{view.name} for {(view.age_us or 0) / 1e6:.1f} s"
         for view in snapshot.messages
-        if view.kind is Kind.INPUT and view.state is MessageState.SILENT
+        if view.kind is MessageRole.INPUT and view.state is MessageState.SILENT
     ]
     if not silent:
         return ""
@@ -236,7 +236,7 @@ def _silent_inputs(snapshot: Snapshot) -> str:
 
 
 def _input_sentences(snapshot: Snapshot) -> Iterator[Text]:
-    inputs = [view for view in snapshot.messages if view.kind is Kind.INPUT]
+    inputs = [view for view in snapshot.messages if view.kind is MessageRole.INPUT]
     if snapshot.time_s > 2.0 and inputs and all(v.state is MessageState.NEVER for v in inputs):
         yield Text(
             "No configured message received: are bus, --dbc and --config right?",

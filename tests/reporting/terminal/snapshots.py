@@ -12,7 +12,7 @@ from adhesion_can.monitoring.latest_frames import FrameKeeper
 from adhesion_can.monitoring.snapshot import (
     AxleView,
     HistoryPoint,
-    Kind,
+    MessageRole,
     MessageState,
     MessageView,
     OperatingPoint,
@@ -51,7 +51,7 @@ def service(**changes):
     return ServiceView(**(known | changes))
 
 
-def message(name, frame_id, kind=Kind.INPUT, **changes):
+def message(name, frame_id, kind=MessageRole.INPUT, **changes):
     known = {
         "is_extended": False,
         "cycle_us": 10_000,
@@ -81,9 +81,11 @@ MESSAGES = (
         state=MessageState.FAULTY,
     ),
     message("Environment", 0x141, accepted=0, age_us=None, rate=None, state=MessageState.NEVER),
-    message("AdhesionSetpoint", 0x201, Kind.OUTPUT, rate=50.0),
-    message("AVeryLongMessageName_2", 0x18FEF100, Kind.OTHER, is_extended=True, cycle_us=None),
-    message("", 0x700, Kind.OTHER, cycle_us=None, rate=12_345.6),
+    message("AdhesionSetpoint", 0x201, MessageRole.OUTPUT, rate=50.0),
+    message(
+        "AVeryLongMessageName_2", 0x18FEF100, MessageRole.OTHER, is_extended=True, cycle_us=None
+    ),
+    message("", 0x700, MessageRole.OTHER, cycle_us=None, rate=12_345.6),
 )
 
 

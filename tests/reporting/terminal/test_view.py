@@ -20,7 +20,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.monitoring.latest_frames import FrameKeeper
 from adhesion_can.monitoring.snapshot import (
     AxleView,
-    Kind,
+    MessageRole,
     MessageState,
     Origin,
     Transport,
@@ -35,7 +35,7 @@ from adhesion_can.reporting.terminal.boxes import boxed, fitted, wrapped
 from adhesion_can.reporting.terminal.canvas import Canvas, nice_ceiling
 from adhesion_can.reporting.terminal.curve_panel import curve_band
 from adhesion_can.reporting.terminal.tables import message_panel
-from adhesion_can.reporting.terminal.view import MonitorView, Page, ViewOptions, draw, last_row
+from adhesion_can.reporting.terminal.view import MonitorView, ViewOptions, ViewPage, draw, last_row
 from adhesion_can.reporting.terminal.words import STATUS_LETTERS, sentences
 from tests.reporting.terminal.snapshots import (
     EMPTY,
@@ -64,7 +64,7 @@ def said(shown):
     return [sentence.plain for sentence in sentences(shown)]
 
 
-@pytest.mark.parametrize("page", Page)
+@pytest.mark.parametrize("page", ViewPage)
 @pytest.mark.parametrize("name", SNAPSHOTS)
 @pytest.mark.parametrize("size", [(80, 24), (160, 50), (81, 24), (100, 30), (119, 70), (300, 90)])
 def test_every_line_is_as_wide_as_asked_for(size, name, page):
@@ -94,7 +94,7 @@ def test_figures_of_the_service_too_long_for_a_line_go_on_in_the_next(width):
 
 @given_settings(max_examples=60)
 @given(
-    st.integers(1, 200), st.integers(2, 70), st.sampled_from(list(Page)), st.sampled_from(
+    st.integers(1, 200), st.integers(2, 70), st.sampled_from(list(ViewPage)), st.sampled_from(
         list(SNAPSHOTS)
     ), st.booleans(),
 )  # fmt: skip
@@ -154,18 +154,18 @@ def test_a_filter_finds_names_and_numbers():
 def test_the_selected_message_is_marked_and_in_sight():
     many = replace(snapshot(), messages=tuple(message(f"M{k}", k) for k in range(60)))
     for number in (0, 1, 30, 58, 59):
-        options = ViewOptions(page=Page.MESSAGES, selected=(number, False))
+        options = ViewOptions(page=ViewPage.MESSAGES, selected=(number, False))
         text = text_of(draw(many, 80, 24, options))
         (row,) = (line for line in text.splitlines() if " >" in line)
         assert f" M{number} " in row
         assert "of 60 messages: arrow keys show the others" in text
     # One that the filter hides is not selected: the first that is shown is.
-    options = ViewOptions(page=Page.MESSAGES, selected=(1, False), wanted="M59")
+    options = ViewOptions(page=ViewPage.MESSAGES, selected=(1, False), wanted="M59")
     assert " >03B " in text_of(draw(many, 80, 24, options))
 
 
 def signals_of(key, width=80, height=24, first_row=0, **changes):
-    options = ViewOptions(page=Page.SIGNALS, selected=key, first_row=first_row)
+    options = ViewOptions(page=ViewPage.SIGNALS, selected=key, first_row=first_row)
     return text_of(draw(snapshot(**changes), width, height, options))
 
 
@@ -213,13 +213,13 @@ def test_signals_of_odd_payloads(data, words):
 
 
 def test_many_signals_are_scrolled_to_the_last():
-    options = ViewOptions(page=Page.SIGNALS, selected=(0x204, False))
+    options = ViewOptions(page=ViewPage.SIGNALS, selected=(0x204, False))
     frames = FrameKeeper(load_database().db.messages, ())
     for axle in (1, 2, 6):
         payload = bytes([0, axle << 4]) + PAYLOAD[2:]
         frames.add((0x204, False), Frame(NOW_US - 1000 * axle, 0x204, payload), None)
     shown = snapshot(
-        messages=(message("AxleSetpoint", 0x204, Kind.OUTPUT),), latest=frames.latest()
+        messages=(message("AxleSetpoint", 0x204, MessageRole.OUTPUT),), latest=frames.latest()
     )
     last = last_row(shown, 80, 24, options)
     text = text_of(draw(shown, 80, 24, replace(options, first_row=last)))
@@ -237,7 +237,7 @@ def test_many_signals_are_scrolled_to_the_last():
 
 
 def test_the_help_explains_each_letter_and_sign_and_is_scrolled():
-    options = ViewOptions(page=Page.HELP)
+    options = ViewOptions(page=ViewPage.HELP)
     last = last_row(snapshot(), 80, 24, options)
     first = text_of(draw(snapshot(), 80, 24, options))
     text = first + text_of(draw(snapshot(), 80, 24, replace(options, first_row=last)))

@@ -1,18 +1,23 @@
 """Adhesion on the page of a fleet: by line and day, and on a map."""
 
 from collections import defaultdict
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from adhesion_can.reporting.charts import BLUE, GREEN, ORANGE, RED, Trace
-from adhesion_can.reporting.fleet_words import MOST_ROWS, left_out
+from adhesion_can.fleet.overview import FleetOverview, PlaceEstimate
+from adhesion_can.fleet.page.words import MOST_ROWS, left_out
+from adhesion_can.reporting.charts import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    RED,
+    Trace,
+    axis,
+    scatter,
+    whiskers,
+)
 from adhesion_can.reporting.page import Figure, Part, Table, Text
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from adhesion_can.fleet.overview import FleetOverview, PlaceEstimate
 
 MOST_LINES = 8
 """Largest number of lines that are drawn, those with the most segments."""
@@ -22,13 +27,8 @@ MAP_HEIGHT = 520
 """Height of the map, px."""
 
 
-def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
-    """Figure by day and table of the lines and days.
-
-    Args:
-        estimates: Adhesion by line and day.
-
-    """
+def adhesion_parts(estimates: Sequence[PlaceEstimate]) -> list[Part]:
+    """Figure by day and table of the lines and days."""
     if not estimates:
         return [Text("No surface has a peak known within 10 %.")]
     by_line: dict[str, list[PlaceEstimate]] = defaultdict(list)
@@ -58,33 +58,31 @@ def adhesion_parts(estimates: "Sequence[PlaceEstimate]") -> list[Part]:
     return parts
 
 
-def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Figure:
+def _by_day(by_line: Mapping[str, Sequence[PlaceEstimate]], lines: int) -> Figure:
     data: list[Trace] = []
     for number, (line, own) in enumerate(by_line.items()):
         dated = [one for one in own if one.day]
         if not dated:
             continue
+        colour, symbol = COLOURS[number % len(COLOURS)], SYMBOLS[number % len(SYMBOLS)]
+        dash = "solid" if number < len(COLOURS) else "dot"
+        half = whiskers(
+            [one.high - one.median for one in dated],
+            [one.median - one.low for one in dated],
+            thickness=1,
+            width=3,
+        )
         data.append(
-            {
-                "type": "scatter",
-                "mode": "lines+markers",
-                "name": line or "line not known",
-                "x": [one.day for one in dated],
-                "y": [one.median for one in dated],
-                "error_y": {
-                    "type": "data",
-                    "symmetric": False,
-                    "array": [one.high - one.median for one in dated],
-                    "arrayminus": [one.median - one.low for one in dated],
-                    "thickness": 1,
-                    "width": 3,
-                },
-                "marker": {"color": COLOURS[number % len(COLOURS)], "size": 8,
-                           "symbol": SYMBOLS[number % len(SYMBOLS)]},
-                "line": {"color": COLOURS[number % len(COLOURS)], "width": 1.2,
-                         "dash": "solid" if number < len(COLOURS) else "dot"},
-            }
-        )  # fmt: skip
+            scatter(
+                "lines+markers",
+                line or "line not known",
+                [one.day for one in dated],
+                [one.median for one in dated],
+                error_y=half,
+                marker={"color": colour, "size": 8, "symbol": symbol},
+                line={"color": colour, "width": 1.2, "dash": dash},
+            )
+        )
     left = f" Lines not shown, with fewer surfaces: {lines - len(by_line)}." * (
         lines > len(by_line)
     )
@@ -93,24 +91,15 @@ def _by_day(by_line: "Mapping[str, Sequence[PlaceEstimate]]", lines: int) -> Fig
         f"a bar.{left}"
     )
     layout = {
-        "xaxis": {
-            "title": {"text": "day"},
-            "type": "category",
-            "categoryorder": "category ascending",
-        },
-        "yaxis": {"title": {"text": "μ_max"}, "rangemode": "tozero"},
+        "xaxis": axis("day", type="category", categoryorder="category ascending"),
+        "yaxis": axis("μ_max", rangemode="tozero"),
         "showlegend": True,
     }
     return Figure(caption, data, layout, 380, "adhesion-by-day")
 
 
-def map_parts(overview: "FleetOverview") -> list[Part]:
-    """Map of the surfaces with a position.
-
-    Args:
-        overview: What the report shows.
-
-    """
+def map_parts(overview: FleetOverview) -> list[Part]:
+    """Map of the surfaces with a position."""
     points = overview.positions
     if not len(points):
         return [
@@ -123,34 +112,28 @@ def map_parts(overview: "FleetOverview") -> list[Part]:
     wide = float(np.ptp(longitude)) * np.cos(np.radians(latitude.mean()))
     tall = float(np.ptp(latitude))
     room = 0.05 * max(wide, tall, 1e-3)
-    data: list[Trace] = [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "μ_max of a surface",
-            "x": longitude,
-            "y": latitude,
-            "marker": {
-                "color": mu,
-                "colorscale": "Cividis",
-                "cmin": low,
-                "cmax": max(high, low + 1e-3),
-                "size": 7,
-                "colorbar": {"title": {"text": "μ_max"}, "thickness": 12, "len": 0.9},
-            },
-            "customdata": mu,
-            "hovertemplate": "%{y:.4f}° N, %{x:.4f}° E<br>μ_max %{customdata:.3f}<extra></extra>",
-        }
-    ]
+    marker = {
+        "color": mu,
+        "colorscale": "Cividis",
+        "cmin": low,
+        "cmax": max(high, low + 1e-3),
+        "size": 7,
+        "colorbar": axis("μ_max", thickness=12, len=0.9),
+    }
+    hover = "%{y:.4f}° N, %{x:.4f}° E<br>μ_max %{customdata:.3f}<extra></extra>"
+    surfaces = scatter(
+        "markers", "μ_max of a surface", longitude, latitude,
+        marker=marker, customdata=mu, hovertemplate=hover,
+    )  # fmt: skip
     ratio = 1.0 / max(float(np.cos(np.radians(latitude.mean()))), 0.05)
     layout = {
-        "xaxis": {"title": {"text": "longitude, °"}, "constrain": "domain"},
-        "yaxis": {
-            "title": {"text": "latitude, °"},
-            "scaleanchor": "x",
-            "scaleratio": ratio,
-            "range": [float(latitude.min() - room), float(latitude.max() + room)],
-        },
+        "xaxis": axis("longitude, °", constrain="domain"),
+        "yaxis": axis(
+            "latitude, °",
+            scaleanchor="x",
+            scaleratio=ratio,
+            range=[float(latitude.min() - room), float(latitude.max() + room)],
+        ),
         "showlegend": False,
         "hovermode": "closest",
     }
@@ -162,4 +145,4 @@ def map_parts(overview: "FleetOverview") -> list[Part]:
     caption = (
         f"Largest adhesion μ_max where it was measured, north up, to scale; yellow is high.{left}"
     )
-    return [Figure(caption, data, layout, MAP_HEIGHT, "map")]
+    return [Figure(caption, [surfaces], layout, MAP_HEIGHT, "map")]

@@ -1,21 +1,15 @@
 """Vehicles on the page of a fleet: their findings, the worst first, and their kinds."""
 
-from typing import TYPE_CHECKING
-
-from adhesion_can.plurals import counted
-from adhesion_can.reporting.fleet_words import (
+from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
+from adhesion_can.fleet.page.words import (
     MOST_ROWS,
     format_gain,
     format_pooled,
     format_size,
     left_out,
 )
+from adhesion_can.plurals import counted
 from adhesion_can.reporting.page import Part, Table, Text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from adhesion_can.fleet.findings import Finding, FleetDiagnosis, VehicleSummary
 
 MOST_VEHICLES = 100
 """Largest number of vehicles in the first table."""
@@ -26,17 +20,12 @@ FAILING_COLUMNS = ("vehicle", "recordings", "reason")
 VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "rivals")
 
 
-def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
-    """Tables of findings, of what recordings name by themselves, of failures and of kinds.
-
-    Args:
-        found: Result of the fleet-level diagnosis.
-
-    """
+def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
+    """Tables of findings, of what recordings name by themselves, of failures and of kinds."""
     named = found.named
     rows = [
         (
-            one.vehicle if first else "",
+            "" if place else one.vehicle,
             finding.name,
             format_size(finding),
             f"{finding.p_value:.1g}",
@@ -45,7 +34,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
             ", ".join(finding.rivals) or "-",
         )
         for one in named[:MOST_VEHICLES]
-        for first, finding in _numbered(one.findings)
+        for place, finding in enumerate(one.findings)
     ]
     parts: list[Part] = []
     if rows:
@@ -92,7 +81,7 @@ def vehicle_parts(found: "FleetDiagnosis") -> list[Part]:
     return parts + _kinds(found)
 
 
-def _kinds(found: "FleetDiagnosis") -> list[Part]:
+def _kinds(found: FleetDiagnosis) -> list[Part]:
     """Table of the kinds, where there are several."""
     if len(found.kinds) < 2:
         return []
@@ -111,18 +100,14 @@ def _kinds(found: "FleetDiagnosis") -> list[Part]:
     return [Table(caption, columns, rows, note, sentence_columns=(0,))]
 
 
-def _numbered(findings: "Sequence[Finding]") -> "list[tuple[bool, Finding]]":
-    return [(place == 0, finding) for place, finding in enumerate(findings)]
-
-
-def named_alone(one: "VehicleSummary", effect: str) -> str:
+def named_alone(one: VehicleSummary, effect: str) -> str:
     """A cause that recordings of a vehicle name by themselves."""
     size = own_size(one, effect)
     count = f"{one.causes[effect]} of {counted(one.units, 'recording')}"
     return f"{one.vehicle}: {effect}, {count}" + f", {size}" * (size != UNKNOWN)
 
 
-def own_size(one: "VehicleSummary", effect: str) -> str:
+def own_size(one: VehicleSummary, effect: str) -> str:
     """Mean size of a cause over the recordings of a vehicle that name it, form by form."""
     sizes = [size for size in one.cause_sizes if size.effect == effect]
     return "; ".join(f"{size.parameter} {format_pooled(size)}" for size in sizes) or UNKNOWN

@@ -2,24 +2,21 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-from adhesion_can.plurals import counted
-from adhesion_can.reporting.fleet_adhesion import adhesion_parts, map_parts
-from adhesion_can.reporting.fleet_sizes import size_parts
-from adhesion_can.reporting.fleet_vehicles import named_alone, vehicle_parts
-from adhesion_can.reporting.fleet_words import (
+from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
+from adhesion_can.fleet.overview import FleetOverview
+from adhesion_can.fleet.page.adhesion import adhesion_parts, map_parts
+from adhesion_can.fleet.page.sizes import size_parts
+from adhesion_can.fleet.page.vehicles import named_alone, vehicle_parts
+from adhesion_can.fleet.page.words import (
     MOST_ROWS,
     format_gain,
     format_size,
     left_out,
     owner,
 )
-from adhesion_can.reporting.page import Items, Page, Part, Section, Table, Text
-
-if TYPE_CHECKING:
-    from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
-    from adhesion_can.fleet.overview import FleetOverview
+from adhesion_can.plurals import counted
+from adhesion_can.reporting.page import Items, Page, Part, Table, Text
 
 MOST_SENTENCES = 5
 """Largest number of vehicles with a sentence of their own at the top of the page."""
@@ -27,7 +24,7 @@ SHARED_COLUMNS = ("of", "effect", "size", "p-value", "gain, %", "units")
 
 
 def fleet_page(
-    overview: "FleetOverview", provenance: Mapping[str, str], commands: Sequence[str] = ()
+    overview: FleetOverview, provenance: Mapping[str, str], commands: Sequence[str] = ()
 ) -> Page:
     """Build the page of a fleet.
 
@@ -40,7 +37,7 @@ def fleet_page(
     found = overview.diagnosis
     sections: dict[str, list[Part]] = {
         "Vehicles": vehicle_parts(found),
-        "What to run next": _next(commands),
+        "What to run next": [Items(commands)] if commands else [],
         "Sizes by vehicle": size_parts(found),
         "Lines, days and the model": _shared(found),
         "Adhesion by line and day": adhesion_parts(overview.estimates),
@@ -53,12 +50,12 @@ def fleet_page(
         title="What is wrong in this fleet, and why?",
         lead=_lead(overview),
         verdict=_verdict(overview),
-        sections=[Section(name, parts) for name, parts in sections.items() if parts],
+        sections={name: parts for name, parts in sections.items() if parts},
         provenance=provenance,
     )
 
 
-def _lead(overview: "FleetOverview") -> str:
+def _lead(overview: FleetOverview) -> str:
     found = overview.diagnosis
     verdicts = ", ".join(
         f"{name.replace('_', ' ')} {count}" for name, count in sorted(overview.verdicts.items())
@@ -70,7 +67,7 @@ def _lead(overview: "FleetOverview") -> str:
     )
 
 
-def _verdict(overview: "FleetOverview") -> list[str]:
+def _verdict(overview: FleetOverview) -> list[str]:
     found = overview.diagnosis
     named = found.named
     lines = []
@@ -107,7 +104,7 @@ def _verdict(overview: "FleetOverview") -> list[str]:
     return lines
 
 
-def _sized(one: "VehicleSummary") -> str:
+def _sized(one: VehicleSummary) -> str:
     """Sizes of what a vehicle has, in a sentence."""
     causes = "; ".join(
         f"{finding.name}, {finding.parameter} {format_size(finding)}" for finding in one.findings
@@ -115,11 +112,7 @@ def _sized(one: "VehicleSummary") -> str:
     return f"{one.vehicle}: {causes}."
 
 
-def _next(commands: Sequence[str]) -> list[Part]:
-    return [Items(commands)] if commands else []
-
-
-def _shared(found: "FleetDiagnosis") -> list[Part]:
+def _shared(found: FleetDiagnosis) -> list[Part]:
     if not found.shared:
         return [
             Text("No effect was found on most vehicles, and no effect differs by line or by day.")
@@ -138,7 +131,7 @@ def _shared(found: "FleetDiagnosis") -> list[Part]:
     return [Table(caption, SHARED_COLUMNS, rows, note, sentence_columns=(1,))]
 
 
-def _failures(overview: "FleetOverview") -> list[Part]:
+def _failures(overview: FleetOverview) -> list[Part]:
     if not overview.failed:
         return [Text("No recording failed.")]
     counts = Counter(_reason(one.reason) for one in overview.failures)

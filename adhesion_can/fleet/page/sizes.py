@@ -1,25 +1,32 @@
 """Sizes on the page of a fleet: a forest plot of each cause, and what each recording says."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from adhesion_can.normal_quantiles import NORMAL_95
-from adhesion_can.reporting.charts import BLUE, DARK, GREEN, GREY, ORANGE, Trace
-from adhesion_can.reporting.fleet_words import (
+from adhesion_can.fleet.findings import FleetDiagnosis
+from adhesion_can.fleet.page.words import (
     MOST_ROWS,
     format_value,
     left_out,
     owner,
     size_axis,
 )
+from adhesion_can.fleet.pooled_size import PooledSize, UnitSize
+from adhesion_can.normal_quantiles import NORMAL_95
+from adhesion_can.reporting.charts import (
+    BLUE,
+    DARK,
+    GREEN,
+    GREY,
+    ORANGE,
+    Trace,
+    axis,
+    scatter,
+    whiskers,
+)
 from adhesion_can.reporting.page import Figure, Part, Table, Text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from adhesion_can.fleet.findings import FleetDiagnosis
-    from adhesion_can.fleet.pooled_size import PooledSize, UnitSize
 
 MOST_FIGURES, MOST_MARKS = 6, 36
 """Largest number of forest plots, and of rows of one."""
@@ -58,13 +65,8 @@ class _Row(NamedTuple):
     origin: str
 
 
-def size_parts(found: "FleetDiagnosis") -> list[Part]:
-    """Forest plots of the causes, and the table of the recordings.
-
-    Args:
-        found: Result of the fleet-level diagnosis.
-
-    """
+def size_parts(found: FleetDiagnosis) -> list[Part]:
+    """Forest plots of the causes, and the table of the recordings."""
     shared = [(owner(one), one.pooled) for one in found.shared if one.pooled is not None]
     by_cause: dict[str, list[PooledSize]] = defaultdict(list)
     for size in _sizes_of_vehicles(found):
@@ -109,7 +111,7 @@ NOTE = (
 )
 
 
-def _sizes_of_vehicles(found: "FleetDiagnosis") -> "list[PooledSize]":
+def _sizes_of_vehicles(found: FleetDiagnosis) -> "list[PooledSize]":
     """Sizes of findings of vehicles, then of causes that recordings name by themselves."""
     sizes = [
         one.pooled for vehicle in found.named for one in vehicle.findings if one.pooled is not None
@@ -122,13 +124,13 @@ def _sizes_of_vehicles(found: "FleetDiagnosis") -> "list[PooledSize]":
     ]
 
 
-def _recording(one: "UnitSize") -> str:
+def _recording(one: UnitSize) -> str:
     """The end of a recording's path or URL: its folder and its name."""
     parts = PurePosixPath(one.recording.partition("?")[0]).parts
     return "/".join(parts[-2:]) or one.unit_id
 
 
-def _vehicles_figure(sizes: "Sequence[PooledSize]") -> Figure:
+def _vehicles_figure(sizes: Sequence[PooledSize]) -> Figure:
     """Forest plot of a cause: each recording of the vehicles that have it, and their means."""
     rows: list[_Row] = []
     for size in sizes:
@@ -145,7 +147,7 @@ def _vehicles_figure(sizes: "Sequence[PooledSize]") -> Figure:
     return _forest(caption, rows, sizes[0], sizes[0] if len(sizes) == 1 else None)
 
 
-def _shared_figure(whose: str, size: "PooledSize") -> Figure:
+def _shared_figure(whose: str, size: PooledSize) -> Figure:
     """Forest plot of an effect that vehicles share: the mean of each vehicle."""
     rows = [
         _Row(_cut(vehicle), mean.value, mean.std, MEAN)
@@ -158,7 +160,7 @@ def _shared_figure(whose: str, size: "PooledSize") -> Figure:
 
 
 def _forest(
-    caption: str, rows: "Sequence[_Row]", size: "PooledSize", pooled: "PooledSize | None"
+    caption: str, rows: Sequence[_Row], size: PooledSize, pooled: PooledSize | None
 ) -> Figure:
     """Forest plot; a band where the rows have one pooled size.
 
@@ -175,28 +177,22 @@ def _forest(
     for origin in dict.fromkeys(row.origin for row in shown):
         name, colour, symbol = MARKS[origin]
         own = [(place, row) for place, row in enumerate(shown) if row.origin == origin]
+        half = [factor * NORMAL_95 * row.std for _, row in own]
         data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": name,
-                "x": [factor * row.value for _, row in own],
-                "y": [place for place, _ in own],
-                "customdata": [row.name for _, row in own],
-                "hovertemplate": "%{customdata}<br>%{x:.5g} ± %{error_x.array:.2g}<extra></extra>",
-                "error_x": {
-                    "type": "data",
-                    "array": [factor * NORMAL_95 * row.std for _, row in own],
-                    "color": colour,
-                    "thickness": 1.6,
-                    "width": 4,
-                },
-                "marker": {"color": colour, "size": 11 if origin == MEAN else 8, "symbol": symbol},
-            }
+            scatter(
+                "markers",
+                name,
+                [factor * row.value for _, row in own],
+                [place for place, _ in own],
+                customdata=[row.name for _, row in own],
+                hovertemplate="%{customdata}<br>%{x:.5g} ± %{error_x.array:.2g}<extra></extra>",
+                error_x=whiskers(half, color=colour, thickness=1.6, width=4),
+                marker={"color": colour, "size": 11 if origin == MEAN else 8, "symbol": symbol},
+            )
         )
     shapes = [] if pooled is None else _band(factor, pooled)
     layout = {
-        "xaxis": {"title": {"text": title}, "nticks": 6, "exponentformat": "e"},
+        "xaxis": axis(title, nticks=6, exponentformat="e"),
         "yaxis": {
             "tickvals": list(range(len(shown))),
             "ticktext": [row.name for row in shown],
@@ -215,7 +211,7 @@ def _forest(
     return Figure(text, data, layout, ROOM_PX + ROW_PX * len(shown), f"sizes-{size.effect}")
 
 
-def _band(factor: float, pooled: "PooledSize") -> list[Trace]:
+def _band(factor: float, pooled: PooledSize) -> list[Trace]:
     """Vertical band of a mean with its 95 % interval, and a line at the mean."""
     half = NORMAL_95 * pooled.std
     span = {"xref": "x", "yref": "y domain", "y0": 0, "y1": 1, "layer": "below"}

@@ -1,15 +1,11 @@
 """Words of the page of a fleet: whose finding it is, its size, what is not shown."""
 
-from typing import TYPE_CHECKING
-
 from adhesion_can.diagnosis.formatting import axis_scale, measured
+from adhesion_can.fleet.findings import FleetFinding
+from adhesion_can.fleet.pooled_size import PooledSize
 from adhesion_can.physics.effects.speed_scale import SpeedScale
 from adhesion_can.physics.effects.wheel_radius import WheelRadius
 from adhesion_can.plurals import counted
-
-if TYPE_CHECKING:
-    from adhesion_can.fleet.findings import Finding
-    from adhesion_can.fleet.pooled_size import PooledSize
 
 MOST_ROWS = 60
 """Largest number of rows of a table, that of the vehicles aside."""
@@ -19,14 +15,14 @@ UNITS = {"1/%": "per %", "1/K": "per K", "1/s": "per s"}
 """Units that are written otherwise."""
 
 
-def owner(finding: "Finding") -> str:
+def owner(finding: FleetFinding) -> str:
     """Whose a finding is: all vehicles, a line, else by its name."""
     kind = f" ({finding.where})" if finding.where else ""
     names = {"fleet": f"All vehicles{kind}", "line": f"Line {finding.where}"}
     return names.get(str(finding.scope), finding.where)
 
 
-def format_size(finding: "Finding") -> str:
+def format_size(finding: FleetFinding) -> str:
     """Size of a finding with standard error and unit; to first order where no unit has another."""
     if finding.pooled is not None:
         return format_pooled(finding.pooled)
@@ -34,18 +30,18 @@ def format_size(finding: "Finding") -> str:
     return f"about {factor * finding.value:.2g} {unit}".strip() + " (first order)"
 
 
-def format_pooled(size: "PooledSize") -> str:
+def format_pooled(size: PooledSize) -> str:
     """Mean size with standard error and unit."""
     return format_value(size, size.value, size.std)
 
 
-def format_value(size: "PooledSize", value: float, std: float) -> str:
+def format_value(size: PooledSize, value: float, std: float) -> str:
     """A size with standard error and unit; an error of a ratio in percent."""
     factor, unit = _scale(size.effect, size.unit)
     return measured(factor * value, factor * std, unit)
 
 
-def size_axis(size: "PooledSize") -> tuple[float, str]:
+def size_axis(size: PooledSize) -> tuple[float, str]:
     """Factor of the numbers on an axis, and its title: parameter, power of ten and unit."""
     factor, unit = _scale(size.effect, size.unit)
     power, text = axis_scale(factor * size.value, unit)
@@ -58,7 +54,7 @@ def _scale(effect: str, unit: str) -> tuple[float, str]:
     return 1.0, UNITS.get(unit, unit)
 
 
-def format_gain(finding: "Finding") -> str:
+def format_gain(finding: FleetFinding) -> str:
     """Gain of a finding, %; '-' where there is none."""
     if finding.gain_percent is None:
         return "-"
