@@ -9,7 +9,6 @@ from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.inference.find_residual_channels import ResidualChannel
 from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread, compare_peaks
-from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import (
     EvaluatedModel,
     Model,
@@ -22,6 +21,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, f
 from adhesion_can.diagnosis.result import SegmentResult
 from adhesion_can.diagnosis.shape_result import estimate_fitted_curve, find_conditions
 from adhesion_can.estimation.batch_fit import fit as fit_curve
+from adhesion_can.estimation.curves.peak import find_nearest_burckhardt
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel, Matrix
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import CurveParameters

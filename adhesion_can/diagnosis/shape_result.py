@@ -10,11 +10,11 @@ from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
 from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.peak_spread import NO_SPREAD, PeakSpread
-from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.model import RegressionData
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import FamilyResult, SegmentResult
+from adhesion_can.estimation.curves.peak import find_nearest_burckhardt
 from adhesion_can.estimation.identifiability import (
     IdentifiabilitySettings,
     assess_peak,

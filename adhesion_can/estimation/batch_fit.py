@@ -176,7 +176,7 @@ def identify(
     if not families:
         return BatchResult(whole, segments, len(samples) - len(kept), rails=rails)
     # Imported here: most fits compare nothing, and a short check would wait for it.
-    from adhesion_can.estimation.curve_comparison import compare_families  # noqa: PLC0415
+    from adhesion_can.estimation.curves.hold_out import compare_families  # noqa: PLC0415
 
     curves = tuple(
         compare_families(kept.select(slice(a, b)), families, slip_max=settings.slip_max)

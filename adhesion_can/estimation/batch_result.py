@@ -10,7 +10,7 @@ from adhesion_can.physics.estimate import Estimate
 from adhesion_can.result_text import TimeScale, html_table, plus_minus
 
 if TYPE_CHECKING:
-    from adhesion_can.estimation.curve_result import CurveComparison
+    from adhesion_can.estimation.curves.result import CurveComparison
     from adhesion_can.estimation.rail_peak import RailPeak
 
 NOT_SHOWN = "not in data"

@@ -3,7 +3,7 @@
 Burckhardt's curve has one bend, and where a rail bends otherwise its peak is wrong by far more than
 its standard deviation says. So the families are compared on the same samples: where the samples
 state errors of their slips, by binned samples with those errors removed (`families.comparison`),
-else by held-out score (`curve_comparison`). Burckhardt's answer remains where the data do
+else by held-out score (`curves.hold_out`). Burckhardt's answer remains where the data do
 not contradict it. Else the peak is the pooled one of the families that the data cannot separate,
 with what the best of them leaves of the samples, and with the errors common to all samples.
 """
@@ -17,18 +17,19 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.curve_comparison import (
-    LEAST_SAMPLES,
-    are_independent,
-    compare_families,
-)
-from adhesion_can.estimation.curve_data import CurvePoints, correlation_factor
-from adhesion_can.estimation.curve_fit import (
+from adhesion_can.estimation.curves.fit import (
     mean_conditions,
     noise_variance,
     standardised_residual,
 )
-from adhesion_can.estimation.curve_result import CommonErrors
+from adhesion_can.estimation.curves.hold_out import (
+    LEAST_SAMPLES,
+    are_independent,
+    compare_families,
+    number_blocks,
+)
+from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
+from adhesion_can.estimation.curves.result import CommonErrors
 from adhesion_can.estimation.families.bin_points import build_points
 from adhesion_can.estimation.families.binned_samples import BinnedSamples, join_binned
 from adhesion_can.estimation.families.comparison import MISFIT_WIDTH, FamilyTracker, find_top
@@ -41,8 +42,6 @@ from adhesion_can.physics.samples import Samples
 
 MOST_SCORED = 20_000
 """Number of samples from which the held-out score takes every second one, every third, .."""
-BLOCKS, SHORTEST_BLOCK_S = 40, 1.0
-"""Number of blocks in time, and their shortest duration, s."""
 LEAST_PROBABILITY = 0.02
 """Probability of a family below which the data contradict it."""
 BEST_AGREES, AGREES = 3.0, 2.0
@@ -225,9 +224,7 @@ def _compare_binned(samples: Samples, plain: Estimate, slip_max: float) -> _Comp
 
 def _blocks(samples: Samples) -> list[NDArray[np.int64]]:
     """Rows of each block of time."""
-    since = (samples.t_us - samples.t_us[0]) * 1e-6
-    length = max(float(since.max()) / BLOCKS, SHORTEST_BLOCK_S)
-    block = (since // length).astype(np.int64)
+    block, _ = number_blocks(samples)
     order = np.argsort(block, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
 

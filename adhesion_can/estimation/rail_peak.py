@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from adhesion_can.estimation.curve_result import CommonErrors
+from adhesion_can.estimation.curves.result import CommonErrors
 from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate
 from adhesion_can.result_text import plus_minus
 

@@ -15,12 +15,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_fit import SegmentationSettings, change_points, fit
+from adhesion_can.estimation.curves.gauss_newton import NormalEquations, minimise, normal_equations
 from adhesion_can.estimation.extended.correction import remove_effects, scale_to_usual
 from adhesion_can.estimation.likelihood import innovation, sensitivity
 from adhesion_can.estimation.variable_projection import LOWER, UPPER
@@ -205,15 +205,14 @@ def _compute_residuals(rows: _Rows) -> Array:
     base, factor = rows.base, rows.factor
     h, z = base.folded()
     # To the base curve's points without weights, which is near; then as they were measured.
-    start = np.clip(np.array(fit(base).theta), 1.001 * LOWER + 1e-6, 0.999 * UPPER)
-    found = scipy.optimize.least_squares(
-        lambda theta: factor * innovation(theta, h, z),
-        start,
-        jac=lambda theta: -factor[:, None] * sensitivity(theta, h),
-        bounds=(LOWER, UPPER),
-        x_scale=np.maximum(start, 1e-3),
-    )
-    return np.asarray(found.fun)
+    weight = factor * factor
+
+    def evaluate(theta: Array) -> NormalEquations:
+        return normal_equations(innovation(theta, h, z), sensitivity(theta, h).T, weight)
+
+    start = np.array(fit(base).theta)
+    theta, _ = minimise(evaluate, start, (LOWER, UPPER), steps=100, converged=1e-8)
+    return np.asarray(factor * innovation(theta, h, z))
 
 
 def _find_surface_changes(rows: _Rows) -> list[int]:

@@ -3,9 +3,9 @@
 from math import exp, isfinite
 
 from adhesion_can.estimation.batch_result import BatchResult, Segment
-from adhesion_can.estimation.curve_comparison import LEAST_SAMPLES
-from adhesion_can.estimation.curve_fit import FittedCurve
-from adhesion_can.estimation.curve_result import COLUMNS, CurveComparison
+from adhesion_can.estimation.curves.fit import FittedCurve
+from adhesion_can.estimation.curves.hold_out import LEAST_SAMPLES
+from adhesion_can.estimation.curves.result import COLUMNS, CurveComparison
 from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.reporting.text import FittingTable

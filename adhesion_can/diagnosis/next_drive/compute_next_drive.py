@@ -25,8 +25,8 @@ from adhesion_can.diagnosis.next_drive.planned_drive import DriveStart
 from adhesion_can.diagnosis.next_drive.result import NextDrive, PairDiscrepancy
 from adhesion_can.diagnosis.next_drive.search import Compute, DriveSequence, find_shortest
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.fit_families import find_nearest_burckhardt
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
+from adhesion_can.estimation.curves.peak import find_nearest_burckhardt
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction

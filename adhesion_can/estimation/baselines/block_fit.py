@@ -11,9 +11,11 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from adhesion_can.arrays import Array
 from adhesion_can.estimation.baselines.forgetting import select_usable
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.batch_fit import fit
+from adhesion_can.estimation.curves.gauss_newton import NormalEquations, minimise, normal_equations
 from adhesion_can.estimation.differential_evolution import (
     Objective,
     first_theta,
@@ -193,17 +195,13 @@ def _refined(
     settings: EvolutionSettings,
     identifiability: IdentifiabilitySettings,
 ) -> Estimate:
-    """Trust-region least squares (`scipy.optimize.least_squares`) within the search range."""
+    """Least squares within the search range, by damped Gauss-Newton steps."""
     h, z = samples.folded()
-    theta = np.clip(start.theta, settings.lower, settings.upper)
-    found = scipy.optimize.least_squares(
-        lambda theta: innovation(theta, h, z),
-        theta,
-        jac=lambda theta: -sensitivity(theta, h),
-        bounds=(settings.lower, settings.upper),
-        x_scale=np.maximum(theta, 1e-3),
-        xtol=1e-10,
-        ftol=1e-10,
-        gtol=1e-10,
-    )
-    return assess(found.x, sum_of_squares(found.x, h, z), samples, identifiability)
+    weight = np.ones(len(h))
+
+    def evaluate(theta: Array) -> NormalEquations:
+        return normal_equations(innovation(theta, h, z), sensitivity(theta, h).T, weight)
+
+    bounds = np.array(settings.lower), np.array(settings.upper)
+    theta, cost = minimise(evaluate, np.array(start.theta), bounds, steps=200, converged=1e-10)
+    return assess(theta, cost, samples, identifiability)

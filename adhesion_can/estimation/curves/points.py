@@ -1,8 +1,8 @@
-"""Points of a curve for fits of any family: folded, compressed, and grouped for held-out scores.
+"""Points of a curve for fits of any family: folded, and compressed.
 
-Many points are compressed to means over narrow cells of slip, speed and load, one set for each fold
-of the hold-out. A cell also keeps its mean square, so that sums of squares stay exact but for the
-width of the cells. Few points stay as they are.
+Many points are compressed to means over narrow cells of slip, speed and load. A cell also keeps its
+mean square, so that sums of squares stay exact but for the width of the cells. Few points stay as
+they are.
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,6 @@ SLIP_CELL, CONDITION_CELL = 0.03, 0.1
 SMALLEST_SLIP = 1e-5
 """Slip ratio below which one cell holds all."""
 
-FOLDS = 5
-"""Parts of a recording of which each is predicted from the others."""
-BLOCKS, SHORTEST_BLOCK_S = 40, 1.0
-"""Number of blocks in time, and their shortest duration, s."""
-REPEATS, REPEATED_FOLDS = 2, 10
-"""Repetitions and parts of the hold-out of independent points."""
 TICK_S = 0.02
 """Time within which residuals are taken together for their autocorrelation, s."""
 
@@ -62,6 +56,12 @@ class CurvePoints:
         return cls(
             h, z, z * z, np.ones(len(h)), samples.slip_total_var, Conditions.from_samples(samples)
         )
+
+    @classmethod
+    def exact(cls, slip: Array, adhesion: Array, conditions: Conditions) -> "CurvePoints":
+        """Points at slips without errors, of either sign; shape (n,) each."""
+        h, z = np.abs(slip), np.copysign(1.0, slip) * adhesion
+        return cls(h, z, z * z, np.ones(len(h)), np.zeros(len(h)), conditions)
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> "CurvePoints":
         """Points that a mask or an index array names."""
@@ -123,51 +123,6 @@ class CurvePoints:
                 joined([part.conditions.load for part in parts]),
             ),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class HoldOutPlan:
-    """Parts of the data that are predicted from the rest.
-
-    Attributes:
-        folds: Number of the fold of each sample, a row for each repetition, shape (r, n).
-        block: Number of the block of each sample, shape (n,): blocks are taken as independent.
-        text: What is held out, for reports.
-
-    """
-
-    folds: NDArray[np.int64]
-    block: NDArray[np.int64]
-    text: str
-
-
-def plan_hold_out(samples: Samples, *, independent: bool) -> HoldOutPlan:
-    """Hold-out of blocks in time, or of single points where they are independent.
-
-    Args:
-        samples: Samples in the order of their stamps.
-        independent: Whether the errors of the samples are independent of each other.
-
-    """
-    n = len(samples)
-    if independent:
-        # Neighbours in slip go to different folds, so that each fold covers the whole curve.
-        rng = np.random.default_rng(0)
-        order = np.argsort(np.abs(samples.slip), kind="stable")
-        parts = min(REPEATED_FOLDS, n)
-        folds = np.empty((REPEATS, n), dtype=np.int64)
-        for row in folds:
-            dealt = [rng.permutation(parts) for _ in range(-(-n // parts))]
-            row[order] = np.concatenate(dealt)[:n]
-        text = f"{n} points, each predicted from nine tenths of the others, {REPEATS} times"
-        return HoldOutPlan(folds, np.arange(n), text)
-    since = (samples.t_us - samples.t_us.min()) * 1e-6
-    length = max(float(since.max()) / BLOCKS, SHORTEST_BLOCK_S)
-    block = (since // length).astype(np.int64)
-    if block.max() + 1 < FOLDS:  # too short for blocks of their own
-        block = np.minimum(np.arange(n) * FOLDS // max(n, 1), FOLDS - 1)
-    text = f"blocks of {length:.1f} s in five groups, each predicted from the other four"
-    return HoldOutPlan((block % FOLDS)[None], block, text)
 
 
 def correlation_factor(residual: Array, samples: Samples) -> float:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import Any
 
-from adhesion_can.estimation.curve_fit import FittedCurve
+from adhesion_can.estimation.curves.fit import FittedCurve
 from adhesion_can.result_text import HELD_OUT_RMSE, html_table, plus_minus
 
 

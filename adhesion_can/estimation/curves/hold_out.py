@@ -15,13 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.curve_data import (
-    CurvePoints,
-    HoldOutPlan,
-    correlation_factor,
-    plan_hold_out,
-)
-from adhesion_can.estimation.curve_fit import (
+from adhesion_can.estimation.curves.fit import (
     FittedCurve,
     effective_variance,
     fit_family,
@@ -30,7 +24,8 @@ from adhesion_can.estimation.curve_fit import (
     mean_square_residual,
     standardised_residual,
 )
-from adhesion_can.estimation.curve_result import CommonErrors, CurveComparison, ScoredFit
+from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
+from adhesion_can.estimation.curves.result import CommonErrors, CurveComparison, ScoredFit
 from adhesion_can.physics.burckhardt import SLIP_MAX
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.samples import Samples
@@ -46,6 +41,62 @@ SMALL = 4.0
 (Sivula, Magnusson & Vehtari, arXiv 2008.10296)."""
 BOOTSTRAPS = 2000
 """Draws of the Bayesian bootstrap over blocks."""
+FOLDS = 5
+"""Parts of a recording of which each is predicted from the others."""
+BLOCKS, SHORTEST_BLOCK_S = 40, 1.0
+"""Number of blocks in time, and their shortest duration, s."""
+REPEATS, REPEATED_FOLDS = 2, 10
+"""Repetitions and parts of the hold-out of independent points."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoldOutPlan:
+    """Parts of the data that are predicted from the rest.
+
+    Attributes:
+        folds: Number of the fold of each sample, a row for each repetition, shape (r, n).
+        block: Number of the block of each sample, shape (n,): blocks are taken as independent.
+        text: What is held out, for reports.
+
+    """
+
+    folds: NDArray[np.int64]
+    block: NDArray[np.int64]
+    text: str
+
+
+def number_blocks(samples: Samples) -> tuple[NDArray[np.int64], float]:
+    """Number of the block in time of each sample, shape (n,), and a block's length, s."""
+    since = (samples.t_us - samples.t_us.min()) * 1e-6
+    length = max(float(since.max()) / BLOCKS, SHORTEST_BLOCK_S)
+    return (since // length).astype(np.int64), length
+
+
+def plan_hold_out(samples: Samples, *, independent: bool) -> HoldOutPlan:
+    """Hold-out of blocks in time, or of single points where they are independent.
+
+    Args:
+        samples: Samples in the order of their stamps.
+        independent: Whether the errors of the samples are independent of each other.
+
+    """
+    n = len(samples)
+    if independent:
+        # Neighbours in slip go to different folds, so that each fold covers the whole curve.
+        rng = np.random.default_rng(0)
+        order = np.argsort(np.abs(samples.slip), kind="stable")
+        parts = min(REPEATED_FOLDS, n)
+        folds = np.empty((REPEATS, n), dtype=np.int64)
+        for row in folds:
+            dealt = [rng.permutation(parts) for _ in range(-(-n // parts))]
+            row[order] = np.concatenate(dealt)[:n]
+        text = f"{n} points, each predicted from nine tenths of the others, {REPEATS} times"
+        return HoldOutPlan(folds, np.arange(n), text)
+    block, length = number_blocks(samples)
+    if block.max() + 1 < FOLDS:  # too short for blocks of their own
+        block = np.minimum(np.arange(n) * FOLDS // max(n, 1), FOLDS - 1)
+    text = f"blocks of {length:.1f} s in five groups, each predicted from the other four"
+    return HoldOutPlan((block % FOLDS)[None], block, text)
 
 
 def compare_families(

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.curve_data import CurvePoints, correlation_factor, plan_hold_out
-from adhesion_can.estimation.curve_fit import fit_family, fit_values
+from adhesion_can.estimation.curves.fit import fit_family, fit_values
+from adhesion_can.estimation.curves.hold_out import plan_hold_out
+from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
 from adhesion_can.physics.curves import FAMILIES, Conditions
 from adhesion_can.physics.samples import Samples
 from tests.estimation.contact_points import LOAD, SPEED, computed_curve, points

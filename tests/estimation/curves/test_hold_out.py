@@ -7,7 +7,7 @@ import pytest
 
 import adhesion_can
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.curve_comparison import are_independent, compare_families
+from adhesion_can.estimation.curves.hold_out import are_independent, compare_families
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.curves import FAMILIES
 from tests.estimation.contact_points import LOAD, PEAKS, computed_curve, points

@@ -8,15 +8,15 @@ correlated over a short time: (J'WJ)⁻¹ times the long-run variance of the res
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, sqrt
 from typing import Any
 
 import numpy as np
-import scipy
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.curve_data import CurvePoints, correlation_factor
-from adhesion_can.physics.burckhardt import SLIP_MAX, Peak
+from adhesion_can.estimation.curves.gauss_newton import NormalEquations, minimise, normal_equations
+from adhesion_can.estimation.curves.peak import peak_errors
+from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
+from adhesion_can.physics.burckhardt import SLIP_MAX
 from adhesion_can.physics.curves import Conditions, CurveFamily, bounds
 from adhesion_can.physics.samples import Samples
 
@@ -99,7 +99,7 @@ def fit_family(
     covariance = factor * _covariance(points, family, values, noise_var)
     conditions = mean_conditions(every)
     peak = family.peak(values, conditions, slip_max)
-    mu_std, lambda_std = _peak_errors(family, values, conditions, peak, covariance)
+    mu_std, lambda_std = peak_errors(family, values, conditions, peak, covariance)
     squares = (every.adhesion - family.adhesion(every.slip, values, every.conditions)) ** 2
     return FittedCurve(
         family=family,
@@ -127,11 +127,10 @@ def fit_values(
         starts: Starting values; None: those that the family finds.
 
     """
-    lower, upper = bounds(family)
     if starts is None:
         starts = family.starts(points.slip, points.adhesion, points.conditions)
     weights = points.count
-    tried = [_minimise(points, family, weights, np.clip(s, lower, upper)) for s in starts]
+    tried = [_minimise(points, family, weights, np.array(start)) for start in starts]
     values, _ = min(tried, key=lambda found: found[1])
     noise_var = noise_variance(points, family, values)
     if points.slip_var.any():
@@ -139,6 +138,7 @@ def fit_values(
             weights = points.count / effective_variance(points, family, values, noise_var)
             values, _ = _minimise(points, family, weights, values)
             noise_var = noise_variance(points, family, values)
+    lower, upper = bounds(family)
     near = AT_BOUND * (upper - lower)
     values = np.where(values < lower + near, lower, np.where(values > upper - near, upper, values))
     return values, noise_var
@@ -148,28 +148,13 @@ def _minimise(
     points: CurvePoints, family: CurveFamily, weights: Array, start: Array
 ) -> tuple[Array, float]:
     """Values of least weighted squares from a start, and their cost."""
-    lower, upper = bounds(family)
-    root = np.sqrt(weights)
 
-    def residual(values: Array) -> Array:
-        return root * (family.adhesion(points.slip, values, points.conditions) - points.adhesion)
+    def evaluate(values: Array) -> NormalEquations:
+        residual = points.adhesion - family.adhesion(points.slip, values, points.conditions)
+        gradient = family.gradient(points.slip, values, points.conditions)
+        return normal_equations(residual, gradient, weights)
 
-    def jacobian(values: Array) -> Array:
-        return (root * family.gradient(points.slip, values, points.conditions)).T
-
-    inside = AT_BOUND * (upper - lower)
-    found = scipy.optimize.least_squares(
-        residual,
-        np.clip(start, lower + inside, upper - inside),
-        jacobian,
-        bounds=(lower, upper),
-        x_scale="jac",
-        ftol=1e-9,
-        xtol=1e-9,
-        gtol=1e-12,
-        max_nfev=150,
-    )
-    return found.x, float(found.cost)
+    return minimise(evaluate, start, bounds(family), steps=150, converged=1e-9)
 
 
 def mean_square_residual(points: CurvePoints, family: CurveFamily, values: Array) -> Array:
@@ -243,26 +228,3 @@ def _covariance(points: CurvePoints, family: CurveFamily, values: Array, noise_v
     covariance = np.zeros((len(values), len(values)))
     covariance[np.ix_(free, free)] = inverse / np.outer(norms[free], norms[free])
     return covariance
-
-
-def _peak_errors(
-    family: CurveFamily, values: Array, conditions: Conditions, peak: Peak, covariance: Array
-) -> tuple[float, float]:
-    """Standard deviations of μ_max and λ_m by the delta method.
-
-    At an interior peak dμ/dλ = 0: μ_max moves with the values as μ at λ_m does (envelope theorem),
-    λ_m by the slope's change over its own derivative (implicit function theorem).
-    """
-    place = float(peak.lambda_m)
-    if not place > 0.0:
-        return inf, inf
-    rows = family.gradient(place, values, conditions)
-    mu_std = sqrt(max(float(rows @ covariance @ rows), 0.0))
-    step = 1e-4 * place
-    ends = np.array([place + step, place - step])
-    slopes, gradients = (f(ends, values, conditions) for f in (family.slope, family.gradient))
-    curvature = float(slopes[0] - slopes[1])
-    if not peak.interior or not curvature < 0.0:
-        return mu_std, inf
-    move = (gradients[:, 0] - gradients[:, 1]) / curvature
-    return mu_std, sqrt(max(float(move @ covariance @ move), 0.0))

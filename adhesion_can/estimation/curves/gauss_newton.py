@@ -1,0 +1,96 @@
+"""Nonlinear least squares within bounds, by damped Gauss-Newton steps (Levenberg and Marquardt).
+
+K. Levenberg, Quarterly of Applied Mathematics 2 (1944) 164; D. W. Marquardt, Journal of the Society
+for Industrial and Applied Mathematics 11 (1963) 431. A parameter at a bound that the cost presses
+it against does not take part in a step; the others move within their bounds.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from adhesion_can.arrays import Array
+
+FIRST_DAMPING, LARGEST_DAMPING = 1e-2, 1e10
+"""Damping of the first step, and beyond which no step lowers the cost; in units of the Gram
+matrix's diagonal."""
+LESS, MORE = 0.3, 6.0
+"""Factors of the damping after a step that lowers the cost, and after one that does not."""
+
+
+class NormalEquations(NamedTuple):
+    """Cost of parameters and its local quadratic model.
+
+    Attributes:
+        cost: Weighted sum of squares, that of a prior included.
+        score: Half the negative gradient of the cost, shape (p,).
+        gram: Half the Hessian of the cost without second derivatives, shape (p, p).
+
+    """
+
+    cost: float
+    score: Array
+    gram: Array
+
+
+def normal_equations(residual: Array, gradient: Array, weight: Array) -> NormalEquations:
+    """Normal equations of weighted residuals.
+
+    Args:
+        residual: Observed less predicted values, shape (n,).
+        gradient: Derivatives of the prediction by the parameters, shape (p, n).
+        weight: Inverse variances, shape (n,).
+
+    """
+    weighted = gradient * weight
+    return NormalEquations(
+        float(weight @ residual**2), weighted @ residual, np.asarray(weighted @ gradient.T)
+    )
+
+
+def minimise(
+    evaluate: Callable[[Array], NormalEquations],
+    start: Array,
+    bounds: tuple[Array, Array],
+    *,
+    steps: int,
+    converged: float,
+) -> tuple[Array, float]:
+    """Parameters of least cost within bounds, shape (p,), and that cost.
+
+    Args:
+        evaluate: Normal equations at parameters of shape (p,) within the bounds.
+        start: Parameters to start with, shape (p,); they are moved to within the bounds.
+        bounds: Lower and upper bounds, shape (p,) each.
+        steps: Largest number of steps tried.
+        converged: Decrease of the cost, as a share of it, below which a step is the last one.
+
+    """
+    lower, upper = bounds
+    y = np.clip(start, lower, upper)
+    here = evaluate(y)
+    damping = FIRST_DAMPING
+    for _ in range(steps):
+        pressed = ((y <= lower) & (here.score < 0.0)) | ((y >= upper) & (here.score > 0.0))
+        free = np.flatnonzero(~pressed & (here.gram.diagonal() > 0.0))
+        if not len(free):
+            break
+        inner = here.gram[np.ix_(free, free)]
+        scale = np.sqrt(inner.diagonal())
+        scaled = inner / np.outer(scale, scale) + damping * np.eye(len(free))
+        moved = y.copy()
+        moved[free] += np.linalg.solve(scaled, here.score[free] / scale) / scale
+        moved = np.clip(moved, lower, upper)
+        there = evaluate(moved)
+        if there.cost < here.cost:
+            decrease = here.cost - there.cost
+            y, here = moved, there
+            damping *= LESS
+            if decrease < converged * here.cost:
+                break
+        else:
+            damping *= MORE
+            if damping > LARGEST_DAMPING or np.array_equal(moved, y):
+                break
+    return y, here.cost

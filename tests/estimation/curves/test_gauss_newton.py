@@ -1,0 +1,93 @@
+"""Damped Gauss-Newton steps within bounds, against SciPy's trust region."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from adhesion_can.estimation.curves.gauss_newton import minimise, normal_equations
+
+X = np.linspace(0.0, 3.0, 40)
+TRUE = np.array([1.0, 0.8, 0.3])
+
+
+def curve(p):
+    return p[0] * np.exp(-p[1] * X) + p[2] * X
+
+
+def gradient(p):
+    decay = np.exp(-p[1] * X)
+    return np.stack([decay, -p[0] * X * decay, X])
+
+
+def fitted(observed, weight, start, bounds, **how):
+    return minimise(
+        lambda p: normal_equations(observed - curve(p), gradient(p), weight),
+        start,
+        bounds,
+        **{"steps": 200, "converged": 1e-13, **how},
+    )
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), bounded=st.lists(st.booleans(), min_size=3, max_size=3))
+def test_the_minimum_is_that_of_a_trust_region(seed, bounded):
+    rng = np.random.default_rng(seed)
+    weight = rng.uniform(0.5, 4.0, len(X))
+    observed = curve(TRUE) + 0.02 * rng.standard_normal(len(X))
+    # Bounds that leave the truth out, for some parameters.
+    lower = np.where(bounded, TRUE + 0.05, 0.05)
+    upper = np.full(3, 3.0)
+    start = rng.uniform(lower, 2.0)
+    values, cost = fitted(observed, weight, start, (lower, upper))
+    oracle = least_squares(
+        lambda p: np.sqrt(weight) * (curve(p) - observed),
+        np.clip(start, lower + 1e-6, upper - 1e-6),
+        bounds=(lower, upper),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    assert cost == pytest.approx(weight @ (observed - curve(values)) ** 2)
+    assert cost <= 2.0 * oracle.cost * (1.0 + 1e-6)
+    assert ((values >= lower) & (values <= upper)).all()
+
+
+def test_a_start_beyond_the_bounds_is_moved_to_them():
+    bounds = np.array([0.5, 0.5, 0.0]), np.array([0.9, 2.0, 1.0])
+    values, _ = fitted(curve(TRUE), np.ones(len(X)), np.array([7.0, -3.0, 0.5]), bounds)
+    assert values[0] == 0.9  # the bound next to the truth
+
+
+def test_a_parameter_without_influence_stays():
+    def equations(p):
+        return normal_equations(p[0] - X, np.stack([-np.ones(len(X)), np.zeros(len(X))]), X + 1.0)
+
+    bounds = np.full(2, -9.0), np.full(2, 9.0)
+    values, _ = minimise(equations, np.array([0.0, 4.0]), bounds, steps=50, converged=1e-12)
+    assert values[1] == 4.0
+    assert values[0] == pytest.approx(np.average(X, weights=X + 1.0))
+
+
+def test_data_without_noise_end_at_the_truth():
+    bounds = np.zeros(3), np.full(3, 5.0)
+    values, cost = fitted(curve(TRUE), np.ones(len(X)), np.array([3.0, 3.0, 3.0]), bounds)
+    assert values == pytest.approx(TRUE, rel=1e-6)
+    assert cost < 1e-12
+
+
+def test_no_step_is_taken_at_the_minimum_and_none_beyond_the_last():
+    bounds = np.zeros(3), np.full(3, 5.0)
+    seen = []
+
+    def equations(p):
+        seen.append(p)
+        return normal_equations(curve(TRUE) - curve(p), gradient(p), np.ones(len(X)))
+
+    values, _ = minimise(equations, TRUE, bounds, steps=50, converged=1e-9)
+    assert values.tolist() == TRUE.tolist()
+    assert len(seen) <= 2
+    seen.clear()
+    minimise(equations, np.full(3, 2.0), bounds, steps=3, converged=0.0)
+    assert len(seen) == 4
