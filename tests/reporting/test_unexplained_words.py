@@ -28,7 +28,7 @@ def test_more_than_noise_is_said_only_where_noise_was_compared():
 
 
 def test_what_is_needed_is_one_way_with_the_plan():
-    found = replace(named(), needed="to distinguish a from b, record coasting", prediction=None)
+    found = replace(named(), needed="to distinguish a from b, record coasting")
     assert needed_sentence(replace(found, next_drive=PLANNED)) == ""
     assert needed_sentence(replace(found, next_drive=NO_PLAN)).startswith("Needed: to distinguish")
     both = "Needed, by the plan of --next-drive or by hand: to distinguish a from b"

@@ -245,15 +245,15 @@ class SignalKinematics:
 
     def _interpolate(self, speed_delay: float, effort_delay: float) -> Kinematics:
         t, s = self._t_s - effort_delay, self._signals
-        wheel_speed, wheel_accel, load, wheel_std = np.empty((4, len(t)))
+        wheel_speed, wheel_accel, speed, load, wheel_std = np.empty((5, len(t)))
         for axle, wheel in s.wheels.items():
             rows = self._rows[axle]
             at = t[rows]
             wheel_speed[rows] = np.interp(at, wheel.t_s, wheel.value)
             wheel_accel[rows] = np.interp(at, wheel.t_s, wheel.rate)
+            speed[rows] = np.interp(at + speed_delay, s.speed.t_s, s.speed.value)
             load[rows] = s.compute_load(axle, at)
             wheel_std[rows] = s.radius[axle - 1] * wheel.std
-        speed = np.interp(t + speed_delay, s.speed.t_s, s.speed.value)
         return Kinematics(wheel_speed, wheel_accel, speed, load, wheel_std)
 
 
