@@ -102,7 +102,7 @@ def require_outputs(
     written: list[tuple[Output, Any]] = [(Output(name), path) for name, path in (own or {}).items()]
     written += [(output, output.value(options)) for output in options.outputs]
     for output, value in written:
-        if not value or value == "-":
+        if value in (None, False, "-"):
             continue
         if output.is_file:
             option, path = output.option, Path(value)

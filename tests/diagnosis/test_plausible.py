@@ -11,7 +11,7 @@ LOCOMOTIVE = Wheelset(load=245e3, radius=0.625, inertia=200.0)
 
 
 def verdict(tmp_path, inertia_error):
-    drive = simulate("sweep", 240.0, seed=5, effects={"wheelset_inertia": inertia_error})
+    drive = simulate("sweep", 120.0, seed=5, effects={"wheelset_inertia": inertia_error})
     return diagnose(drive.write(tmp_path / "drive.log"))
 
 

@@ -44,7 +44,7 @@ def test_where_nothing_exceeds_the_noise_any_gain_is_all():
 def worn(tmp_path_factory):
     """A drive with a larger wheel at axle 2."""
     path = tmp_path_factory.mktemp("worn") / "worn.log"
-    return simulate("sweep", 120.0, 1, effects=["wheel_radius=0.01,axle=2"]).write(path)
+    return simulate("sweep", 80.0, 1, effects=["wheel_radius=0.01,axle=2"]).write(path)
 
 
 def test_a_cause_is_named_where_noise_is_left(worn):
@@ -75,8 +75,8 @@ def test_a_cause_that_gains_too_little_elsewhere_has_no_name(worn, monkeypatch):
 
 
 def test_a_shape_has_no_name_beside_more_than_noise(tmp_path, monkeypatch):
+    """Where it is noise the shape is named: tests/cli/test_contact_chain.py."""
     log = simulate("polach-wet", 60.0, 1).write(tmp_path / "a.log")
-    assert [cause.effect for cause in diagnose(log).causes] == ["curve_shape"]
     monkeypatch.setattr(NoiseComparison, "is_exceeded", property(lambda _self: True))
     found = diagnose(log)
     assert "curve_shape" not in [cause.effect for cause in found.causes]

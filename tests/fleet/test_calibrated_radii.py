@@ -151,9 +151,13 @@ def work(tmp_path, seed, effects, steps=("calibrate", "diagnose"), config=CONFIG
     return found
 
 
-def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(tmp_path):
+@pytest.mark.parametrize(
+    "seeds", [range(400, 402), pytest.param(range(402, 406), marks=pytest.mark.slow)]
+)
+def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(
+    tmp_path, seeds
+):
     applied = told = secondary = 0
-    seeds = range(400, 404)
     for seed in seeds:
         worn = draw_wear(seed)
         ratio = {int(one.parameters["axle"]): 1 + one.parameters["error"] for one in worn}
@@ -166,10 +170,10 @@ def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothin
         secondary += len(alone["causes"])
         for one in LARGE:
             told += work(tmp_path, seed, (*worn, one)).fields["causes"] == [one.effect]
-    # Of 20 other drives each: 20 applied, 38 of 40 told, nothing else named. Three of eight fail
-    # by chance once in 150 runs of other seeds.
+    # Of 20 other drives each: 20 applied, 38 of 40 told, nothing else named. Of other
+    # seeds two of four, or three of eight, fail by chance once in 70 runs or more seldom.
     assert applied >= len(seeds) - 1
-    assert told >= 2 * len(seeds) - 2
+    assert told >= 2 * len(seeds) - len(seeds) // 2
     assert secondary <= 1
 
 
@@ -177,7 +181,7 @@ def test_steps_with_applied_radii_are_those_with_the_radii_configured(tmp_path):
     """The oracle is a vehicle whose true radii stand in its configuration."""
     worn = (Hidden("wheel_radius", "", {"error": -0.02, "axle": 3}),)
     steps = ("calibrate", "replay", "identify", "diagnose")
-    blind = work(tmp_path, 410, worn, steps[1:])
+    blind = work(tmp_path, 410, worn, ("diagnose",))
     calibrated = work(tmp_path, 410, worn, steps)
     known = work(tmp_path, 410, worn, steps, with_radii(CONFIG, {3: 0.98}))
     assert calibrated.fields["wheel_radii_applied"]
