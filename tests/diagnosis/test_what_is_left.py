@@ -44,7 +44,7 @@ def test_where_nothing_exceeds_the_noise_any_gain_is_all():
 def worn(tmp_path_factory):
     """A drive with a larger wheel at axle 2."""
     path = tmp_path_factory.mktemp("worn") / "worn.log"
-    return simulate("sweep", 80.0, 1, effects=["wheel_radius=0.01,axle=2"]).write(path)
+    return simulate("sweep", 120.0, 1, effects=["wheel_radius=0.01,axle=2"]).write(path)
 
 
 def test_a_cause_is_named_where_noise_is_left(worn):

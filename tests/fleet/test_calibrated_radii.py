@@ -151,13 +151,9 @@ def work(tmp_path, seed, effects, steps=("calibrate", "diagnose"), config=CONFIG
     return found
 
 
-@pytest.mark.parametrize(
-    "seeds", [range(400, 402), pytest.param(range(402, 406), marks=pytest.mark.slow)]
-)
-def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(
-    tmp_path, seeds
-):
+def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(tmp_path):
     applied = told = secondary = 0
+    seeds = range(400, 404)
     for seed in seeds:
         worn = draw_wear(seed)
         ratio = {int(one.parameters["axle"]): 1 + one.parameters["error"] for one in worn}
@@ -170,10 +166,10 @@ def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothin
         secondary += len(alone["causes"])
         for one in LARGE:
             told += work(tmp_path, seed, (*worn, one)).fields["causes"] == [one.effect]
-    # Of 20 other drives each: 20 applied, 38 of 40 told, nothing else named. Of other
-    # seeds two of four, or three of eight, fail by chance once in 70 runs or more seldom.
+    # Of 20 other drives each: 20 applied, 38 of 40 told, nothing else named. Three of eight fail
+    # by chance once in 150 runs of other seeds.
     assert applied >= len(seeds) - 1
-    assert told >= 2 * len(seeds) - len(seeds) // 2
+    assert told >= 2 * len(seeds) - 2
     assert secondary <= 1
 
 
