@@ -150,6 +150,6 @@ def require_positive(value: float, name: str, unit: str = "seconds") -> None:
 
 
 def tell_all(observers: Sequence[Callable[..., None]], *told: Any) -> None:
-    """Call each observer with what there is to tell."""
+    """Call each observer with the same arguments."""
     for observer in observers:
         observer(*told)
