@@ -28,7 +28,7 @@ def test_each_fault_alone(name, size):
     from_us = 0 if kind.at_start else 2 * S
     until_us = from_us + max(round(min(kind.longest_s, 3.0) * S), 1)
     target = kind.targets[sum(map(ord, name)) % len(kind.targets)] if kind.targets else ""
-    assert judge(1, 9 * S, (Fault(name, from_us, until_us, target, size),)) == []
+    assert judge(1, 14 * S, (Fault(name, from_us, until_us, target, size),)) == []
 
 
 BLINDED = [
@@ -41,7 +41,7 @@ BLINDED = [
 @pytest.mark.parametrize(("target", "size"), BLINDED)
 def test_never_tracking_while_blind(target, size):
     """All sensors of a quantity stand at an end of their range, in valid frames, for 4 s."""
-    assert judge(1, 10 * S, (Fault("blinded", 3 * S, 7 * S, target, size),)) == []
+    assert judge(1, 12 * S, (Fault("blinded", 3 * S, 7 * S, target, size),)) == []
 
 
 def test_the_checker_sees_tracking_while_blind():
