@@ -145,7 +145,7 @@ class ChunkParser:
             self._names.append(name)
         if len(self._names) >= _NO_NAME:
             raise RecordingError(
-                "candump text",
+                "text of frames",
                 f"{_NO_NAME} names of buses and more",
                 "remove the lines that are not frames",
             )
