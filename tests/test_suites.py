@@ -82,7 +82,7 @@ def test_an_effect_of_ones_own_passes_in_a_channel_of_its_own():
         (Scribbling(), "test_the_typical_size_is_seen_and_leaves_its_inputs_alone"),
         (Invisible(), "test_the_typical_size_is_seen_and_leaves_its_inputs_alone"),
         (Restless(), "test_size_0_changes_nothing"),
-        (Infinite(), "test_no_value_within_its_range_reverses_adhesion"),
+        (Infinite(), "test_the_ends_of_its_ranges_give_numbers"),
         (Wind(title="Wind"), "test_the_definition_is_complete"),
         (Wind(literature=" "), "test_the_definition_is_complete"),
         (Wind(parameters=()), "test_the_definition_is_complete"),

@@ -60,8 +60,7 @@ class Claim:
         """Whether the document has the words, whatever its line breaks."""
         return _flat(self.text) in _flat((ROOT / self.document).read_text())
 
-    @property
-    def age(self) -> int | None:
+    def count_commits(self) -> int | None:
         """Number of commits of the code since; None where the history is not at hand."""
         words = ["git", "rev-list", "--count", f"{self.commit}..HEAD", "--", *self.code]
         done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -110,22 +109,26 @@ def check(claim: Claim) -> tuple[str, str]:
     if claim.figures:
         wrong = compare(claim, run(claim))
         return ("WRONG", "; ".join(wrong)) if wrong else ("ok", "as printed")
-    if claim.age is None:
+    age = claim.count_commits()
+    if age is None:
         return "ok", f"measured {claim.date}"
-    verdict = "OLD" if claim.age > MOST_COMMITS else "ok"
-    return verdict, f"measured {claim.date}, {claim.age} commits of its code ago"
+    verdict = "OLD" if age > MOST_COMMITS else "ok"
+    return verdict, f"measured {claim.date}, {age} commits of its code ago"
 
 
 def main() -> int:
-    """Run the command; 1 where a figure is wrong or too old."""
+    """Run the command; 1 where a figure is wrong or too old, 2 where no claim is meant."""
     wanted = " ".join(sys.argv[1:])
+    claims = [c for c in read_claims() if wanted in f"{c.document} {c.text} {c.command}"]
+    if not claims:
+        print(f"no claim has {wanted!r} in its document, text or command")
+        return 2
     failed = 0
-    for claim in read_claims():
-        if wanted in f"{claim.document} {claim.text} {claim.command}":
-            verdict, words = check(claim)
-            print(f"{verdict:5} {claim.document}: {claim.text}")
-            print(f"      {claim.command}: {words}", flush=True)
-            failed += verdict != "ok"
+    for claim in claims:
+        verdict, words = check(claim)
+        print(f"{verdict:5} {claim.document}: {claim.text}")
+        print(f"      {claim.command}: {words}", flush=True)
+        failed += verdict != "ok"
     print(f"{failed} wrong, or more than {MOST_COMMITS} commits old")
     return 1 if failed else 0
 

@@ -52,8 +52,8 @@ def load_coasting_traces(
     config: Configuration,
     reference: Trace | None = None,
     watched: Callable[[Iterable[Block]], Iterator[Block]] = iter,
-) -> list[LoadedTraces]:
-    """Traces of recordings, each a drive of its own.
+) -> Iterator[LoadedTraces]:
+    """Traces of recordings, each a drive of its own, read as they are asked for.
 
     Efforts may be missing, because steady speeds can be used without.
 
@@ -65,16 +65,9 @@ def load_coasting_traces(
 
     """
     needed = {Role.WHEEL_SPEED} | ({Role.VEHICLE_SPEED} if reference is None else set())
-    return [
-        load_traces(
-            watched(blocks_in_sequence([one], config.service.restart_s)),
-            config,
-            str(one.path),
-            needed,
-            partly=True,
-        )
-        for one in recordings
-    ]
+    for one in recordings:
+        blocks = watched(blocks_in_sequence([one], config.service.restart_s))
+        yield load_traces(blocks, config, str(one.path), needed, partly=True)
 
 
 def build_coasting_drive(

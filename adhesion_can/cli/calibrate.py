@@ -109,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
     require_calibration_roles(config, reference)
     recordings = open_recordings(options.log)
     with reading("reading", recordings) as watched:
-        loaded = load_coasting_traces(recordings, config, reference, watched)
+        loaded = list(load_coasting_traces(recordings, config, reference, watched))
     drives = [build_coasting_drive(one, config, reference) for one in loaded]
     where = ", ".join(map(str, options.log))
     require_calibration_signals(drives, where, options.speed)

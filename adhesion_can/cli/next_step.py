@@ -39,5 +39,9 @@ def typed_words(
         formulas=tuple(getattr(options, "formula", ())),
         holdout=tuple(getattr(options, "holdout", ())),
         model=getattr(options, "model", None),
-        outputs={one.option: path for one in options.outputs if (path := one.value(options))},
+        outputs={
+            one.option: Path(value)
+            for one in options.outputs
+            if one.is_file and (value := one.value(options)) not in (None, "-")
+        },
     )

@@ -158,7 +158,7 @@ class Diagnosis:
         effect_grams: Gram matrices of the effects for a diagnosis of many drives; None where they
             were not asked for, or the data allow no verdict at all.
         profile: Mean residual over the channel that matters; None: no channel does.
-        draw: Function that computes `plots`.
+        draw: Function that computes `plots`; it keeps the rows of the drive that is drawn.
         samples: Number of rows by input name.
         lost: Number of unusable rows by input name and reason.
         begins: Time 0 of each input by its name, µs on its own clock.
@@ -192,7 +192,7 @@ class Diagnosis:
     next_step: str = ""
     effect_grams: EffectGrams | None = None
     profile: Profile | None = None
-    draw: Callable[[], PlotData] = PlotData
+    draw: Callable[[], PlotData] = field(default=PlotData, repr=False, compare=False)
     samples: Mapping[str, int] = field(default_factory=dict)
     lost: Mapping[str, int] = field(default_factory=dict)
     begins: Mapping[str, int] = field(default_factory=dict)

@@ -26,7 +26,7 @@ from adhesion_can.estimation.curves.hold_out import (
     LEAST_SAMPLES,
     are_independent,
     compare_families,
-    number_blocks,
+    number_time_blocks,
 )
 from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
 from adhesion_can.estimation.curves.result import CommonErrors
@@ -224,7 +224,7 @@ def _compare_binned(samples: Samples, plain: Estimate, slip_max: float) -> _Comp
 
 def _blocks(samples: Samples) -> list[NDArray[np.int64]]:
     """Rows of each block of time."""
-    block, _ = number_blocks(samples)
+    block, _ = number_time_blocks(samples)
     order = np.argsort(block, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
 

@@ -89,13 +89,13 @@ class FrameCounter:
 
     Args:
         report: Statistics, filled as blocks are added.
-        first_us: Time before which the first frame is one of those; None: it is none.
+        least_first_us: Stamp, µs, before which the first frame counts as one; None: it never does.
 
     """
 
-    def __init__(self, report: ReadReport, first_us: int | None = None) -> None:
+    def __init__(self, report: ReadReport, least_first_us: int | None = None) -> None:
         self._report = report
-        self._last_us = first_us
+        self._last_us = least_first_us
 
     def add(self, block: Block) -> None:
         """Count the next block of a recording, at least one row."""

@@ -92,8 +92,11 @@ def _parameter(place: int) -> Callable[[Outputs], float | None]:
     return lambda outputs: outputs.theta[place] if outputs.theta else None
 
 
+_NOT_AVAILABLE = Setpoint()
+
+
 def _of_axle(axle: int, read: Callable[[Setpoint], float | None]) -> Callable[..., float | None]:
-    return lambda outputs: read(outputs.axles.get(axle, Setpoint()))
+    return lambda outputs: read(outputs.axles.get(axle, _NOT_AVAILABLE))
 
 
 _AXLES = range(1, AXLE_FRAMES + 1)

@@ -10,8 +10,6 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.physics.channels import CHANNEL_BY_NAME, COVARIATES
 from adhesion_can.physics.effects import (
-    MIN_FACTOR,
-    ActiveEffect,
     Change,
     Contact,
     ContactEffect,
@@ -19,7 +17,6 @@ from adhesion_can.physics.effects import (
     InstrumentEffect,
     LagStates,
     acts_in_contact,
-    compute_change,
     effect_by_id,
 )
 from adhesion_can.physics.instruments import PERFECT, Instruments
@@ -175,16 +172,15 @@ class EffectSuite:
             again = self._amend(typical_values(self.effect))
             require(amended == again, "the same values give other instruments")
 
-    def test_no_value_within_its_range_reverses_adhesion(self) -> None:
-        """Slip and factor stay finite at the ends of the ranges, the factor above its least."""
+    def test_the_ends_of_its_ranges_give_numbers(self) -> None:
+        """Slip and factor stay finite there."""
         if not isinstance(self.effect, ContactEffect):
             return
         for end in ("lower", "upper"):
             values = tuple(getattr(parameter, end) for parameter in self.effect.parameters)
-            change = compute_change([ActiveEffect(self.effect, values)], self.draw(), LagStates())
+            change = self._change(self.draw(), values)
             require(np.isfinite(change.slip).all(), f"{end} ends {values}: slip not finite")
             require(np.isfinite(change.factor).all(), f"{end} ends {values}: factor not finite")
-            require(np.all(change.factor >= MIN_FACTOR), f"{end} ends {values}: factor below")
 
     def _change(self, contact: Contact, values: tuple[float, ...]) -> Change:
         if not isinstance(self.effect, ContactEffect):

@@ -6,6 +6,7 @@ import re
 import sys
 import threading
 import tracemalloc
+from collections import Counter
 from contextlib import contextmanager
 from itertools import pairwise
 
@@ -604,13 +605,18 @@ def test_more_names_than_columns_can_tell_are_an_error(folder):
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 1 << 32), hinted=st.integers(0, 1 << 32))
 def test_hints_change_nothing(seed, hinted):
-    alone, helped = new_parser(), new_parser()
-    chunk = chunk_of(any_log(random.Random(seed), 100))
+    reports = ReadReport(), ReadReport()
+    parsers = [ChunkParser(CandumpForm(), report) for report in reports]
+    hints, content = any_log(random.Random(hinted), 60), any_log(random.Random(seed), 100)
     with eager():
-        helped.parse(chunk_of(any_log(random.Random(hinted), 60)))
-        alone, helped = alone.parse(chunk), helped.parse(chunk)
+        parsers[1].parse(chunk_of(hints))
+        before, behind = Counter(reports[1].kinds), parsers[1]._lines
+        reports[1].bad_lines.clear()
+        alone, helped = (parser.parse(chunk_of(content)) for parser in parsers)
     assert list(alone.items()) == list(helped.items())
     assert alone.t_ns.tolist() == helped.t_ns.tolist()
+    assert reports[0].kinds == reports[1].kinds - before
+    assert reports[0].bad_lines == [number - behind for number in reports[1].bad_lines]
 
 
 @pytest.mark.parametrize("packed", [False, True])

@@ -33,6 +33,8 @@ def test_what_is_needed_is_one_way_with_the_plan():
     assert needed_sentence(replace(found, next_drive=NO_PLAN)).startswith("Needed: to distinguish")
     both = "Needed, by the plan of --next-drive or by hand: to distinguish a from b"
     assert needed_sentence(replace(found, next_drive=None)).startswith(both)
+    of_a_table = replace(found, tables=True, next_drive=None)
+    assert needed_sentence(of_a_table).startswith("Needed: to distinguish")
     assert needed_sentence(replace(found, needed=None)) == ""
 
 

@@ -10,6 +10,7 @@ the least-squares fit on weighted, whitened residuals is in `whitened_regression
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -60,7 +61,7 @@ class RegressionData:
         """One quantity of the contacts as measured, in the rows of all drives; shape (n,)."""
         return observed_column(self.drives, name)
 
-    @property
+    @cached_property
     def drive_number(self) -> NDArray[np.int64]:
         """Place of each row's drive among all of them, shape (n,)."""
         return np.repeat(np.arange(len(self.drives)), [len(drive) for drive in self.drives])

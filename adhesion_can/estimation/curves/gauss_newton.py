@@ -12,9 +12,9 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 
-FIRST_DAMPING, LARGEST_DAMPING = 1e-2, 1e10
-"""Damping of the first step, and beyond which no step lowers the cost; in units of the Gram
-matrix's diagonal."""
+FIRST_DAMPING, LEAST_DAMPING, LARGEST_DAMPING = 1e-2, 1e-12, 1e10
+"""Damping of the first step, the least one, with which collinear parameters can be solved for, and
+that beyond which no step lowers the cost; in units of the Gram matrix's diagonal."""
 LESS, MORE = 0.3, 6.0
 """Factors of the damping after a step that lowers the cost, and after one that does not."""
 
@@ -23,7 +23,7 @@ class NormalEquations(NamedTuple):
     """Cost of parameters and its local quadratic model.
 
     Attributes:
-        cost: Weighted sum of squares, that of a prior included.
+        cost: Weighted sum of squares.
         score: Half the negative gradient of the cost, shape (p,).
         gram: Half the Hessian of the cost without second derivatives, shape (p, p).
 
@@ -66,10 +66,15 @@ def minimise(
         steps: Largest number of steps tried.
         converged: Decrease of the cost, as a share of it, below which a step is the last one.
 
+    Raises:
+        ValueError: The cost at the start is no number.
+
     """
     lower, upper = bounds
     y = np.clip(start, lower, upper)
     here = evaluate(y)
+    if not np.isfinite(here.cost):
+        raise ValueError(f"the cost at the start {y} is {here.cost}")
     damping = FIRST_DAMPING
     for _ in range(steps):
         pressed = ((y <= lower) & (here.score < 0.0)) | ((y >= upper) & (here.score > 0.0))
@@ -86,7 +91,7 @@ def minimise(
         if there.cost < here.cost:
             decrease = here.cost - there.cost
             y, here = moved, there
-            damping *= LESS
+            damping = max(damping * LESS, LEAST_DAMPING)
             if decrease < converged * here.cost:
                 break
         else:

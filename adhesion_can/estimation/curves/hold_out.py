@@ -65,7 +65,7 @@ class HoldOutPlan:
     text: str
 
 
-def number_blocks(samples: Samples) -> tuple[NDArray[np.int64], float]:
+def number_time_blocks(samples: Samples) -> tuple[NDArray[np.int64], float]:
     """Number of the block in time of each sample, shape (n,), and a block's length, s."""
     since = (samples.t_us - samples.t_us.min()) * 1e-6
     length = max(float(since.max()) / BLOCKS, SHORTEST_BLOCK_S)
@@ -92,7 +92,7 @@ def plan_hold_out(samples: Samples, *, independent: bool) -> HoldOutPlan:
             row[order] = np.concatenate(dealt)[:n]
         text = f"{n} points, each predicted from nine tenths of the others, {REPEATS} times"
         return HoldOutPlan(folds, np.arange(n), text)
-    block, length = number_blocks(samples)
+    block, length = number_time_blocks(samples)
     if block.max() + 1 < FOLDS:  # too short for blocks of their own
         block = np.minimum(np.arange(n) * FOLDS // max(n, 1), FOLDS - 1)
     text = f"blocks of {length:.1f} s in five groups, each predicted from the other four"

@@ -11,10 +11,10 @@ from itertools import accumulate
 import numpy as np
 
 from adhesion_can.bus.block import Block, Kind, to_micros
-from adhesion_can.bus.frame import MARKS, Mark
+from adhesion_can.bus.frame import MARKS, MOST_ID, Mark
 from adhesion_can.recordings.candump import add_difference, read_line, stamp_ns
 from adhesion_can.recordings.text_columns.form import Form, SingleLine
-from adhesion_can.recordings.text_columns.line_layouts import LAST_ID, Layout, learn_layout
+from adhesion_can.recordings.text_columns.line_layouts import Layout, learn_layout
 
 _FRAME = re.compile(
     rb"\((?P<whole>\d{1,10})\.(?P<fraction>\d{1,9})\) (?P<bus>\S{1,16}) "
@@ -36,7 +36,7 @@ class CandumpForm(Form):
 
     """
 
-    last_us = 0
+    least_first_us = 0
 
     def __init__(self, *, differences: bool = False) -> None:
         self._differences = differences
@@ -51,7 +51,7 @@ class CandumpForm(Form):
                 kind=Kind.FD if match["flag"] else Kind.DATA,
                 unit_ns=10**9,
                 is_extended=is_extended,
-                last_id=LAST_ID if is_extended else 0x7FF,  # past it: flags of error frames
+                last_id=MOST_ID if is_extended else 0x7FF,  # past it: flags of error frames
             )
         if (match := _MARK.fullmatch(line)) and (name := match["name"].decode()) in MARKS:
             return learn_layout(

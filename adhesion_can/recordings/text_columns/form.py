@@ -29,8 +29,8 @@ class Form(ABC):
 
     ends_at_cr = False
     """Whether a CR that no LF follows ends a line."""
-    last_us: int | None = None
-    """Time before which the first frame is stamped backwards, µs; None: it never is."""
+    least_first_us: int | None = None
+    """Stamp, µs, before which the first frame counts as backwards; None: none does."""
 
     @abstractmethod
     def find_layout(self, line: bytes) -> Layout | None:

@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.bus.block import Kind
+from adhesion_can.bus.frame import MOST_ID
 from adhesion_can.recordings.text_columns.ascii_numbers import keep
 from adhesion_can.recordings.text_columns.text_source import FRONT
-
-LAST_ID = 0x1FFFFFFF
 
 
 class Digits(NamedTuple):
@@ -88,7 +87,7 @@ def learn_layout(
     unit_ns: int,
     is_extended: bool,
     start_ns: int = 0,
-    last_id: int = LAST_ID,
+    last_id: int = MOST_ID,
     length: int | None = None,
     is_last: bool = False,
 ) -> Layout | None:

@@ -7,12 +7,11 @@ from typing import ClassVar, Generic, NamedTuple, TypeVar, cast
 import can
 from can.io.generic import TextIOMessageReader
 
-from adhesion_can.bus.frame import MAX_PAYLOAD, Frame
+from adhesion_can.bus.frame import MAX_PAYLOAD, MOST_ID, Frame
 from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US
 from adhesion_can.recordings.frame_rows import bus_from_1
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.text_columns.form import Form, SingleLine
-from adhesion_can.recordings.text_columns.line_layouts import LAST_ID
 
 Reader = TypeVar("Reader", bound=TextIOMessageReader)
 
@@ -145,6 +144,6 @@ class TraceForm(Form):
         except (ValueError, OverflowError):
             return None
         frame = from_message(message, t_us)._replace(channel=bus_from_1(bus))
-        if not (0 <= bus <= _LAST_BUS and 0 <= frame.arbitration_id <= LAST_ID):
+        if not (0 <= bus <= _LAST_BUS and 0 <= frame.arbitration_id <= MOST_ID):
             return None
         return frame if len(frame.data) <= MAX_PAYLOAD and abs(t_us) <= LAST_US else None

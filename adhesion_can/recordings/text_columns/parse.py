@@ -44,7 +44,7 @@ def read_text(
     # Without this one, whose pages are never touched, the kernel clears those of every column anew,
     # which takes as long as all the reading.
     np.empty(_FREED, np.uint8)
-    parser, counter = ChunkParser(form, report), FrameCounter(report, form.last_us)
+    parser, counter = ChunkParser(form, report), FrameCounter(report, form.least_first_us)
     for chunk in chunks:
         block = form.stamped(parser.parse(chunk))
         if len(block):

@@ -50,18 +50,20 @@ _UNITS = {"N": ("kN", 1e-3), "m/m": ("‰", 1e3), "1/m": ("1/km", 1e3)}
 _HEIGHTS = {SLIP: 130.0, Role.TRACTIVE_EFFORT: 130.0, Role.AXLE_LOAD: 100.0}
 
 
-_TOGETHER = (None, Role.VEHICLE_SPEED)  # the speeds have one panel
-
-
 def _shown(role: str, unit: str = "") -> _Shown:
-    return _Shown(
-        *_UNITS.get(unit, (unit, 1.0)), _HEIGHTS.get(role, 40.0 if role in HELD else 70.0)
-    )
+    shown_unit, factor = _UNITS.get(unit, (unit, 1.0))
+    usual = 40.0 if role in HELD else 70.0
+    return _Shown(shown_unit, factor, _HEIGHTS.get(role, usual))
 
 
 _SHOWN: Mapping[str, _Shown] = {
     SLIP: _shown(SLIP),
-    **{one.role: _shown(one.role, one.unit) for one in CHANNELS if one.role not in _TOGETHER},
+    # A channel without a role is no signal; the vehicle speed is drawn with the wheels'.
+    **{
+        one.role: _shown(one.role, one.unit)
+        for one in CHANNELS
+        if one.role not in (None, Role.VEHICLE_SPEED)
+    },
     Role.SPEED_SOURCE: _shown(Role.SPEED_SOURCE),
     Role.DIRECTION: _shown(Role.DIRECTION),
 }
