@@ -104,3 +104,29 @@ def test_named_tuples_are_shared_where_nothing_in_them_changes():
     assert type(twin.lists) is Pair
     assert twin.lists == lists
     assert twin.lists.two is not lists.two
+
+
+def test_rows_of_numbers_are_shared_and_rows_of_lists_are_copied():
+    numbers = deque([Pair(1.0, None), (2, "m")], maxlen=3)
+    lists = [Pair(1.0, [2.0])]
+    twin = deepcopy(Box(numbers=numbers, lists=lists))
+    assert twin.numbers == numbers
+    assert twin.numbers is not numbers
+    assert all(a is b for a, b in zip(twin.numbers, numbers, strict=True))
+    lists[0].two.append(3.0)
+    assert twin.lists == [Pair(1.0, [2.0])]
+
+
+def test_an_array_that_two_attributes_hold_is_copied_once_with_its_order():
+    array = np.asfortranarray(np.arange(6.0).reshape(2, 3))
+    twin = deepcopy(Box(first=array, second=[array]))
+    assert twin.first is twin.second[0] is not array
+    assert twin.first.flags.f_contiguous
+    assert np.array_equal(twin.first, array)
+
+
+def test_objects_in_an_array_are_copied_too():
+    array = np.array([[1.0], None], dtype=object)
+    twin = deepcopy(Box(array=array))
+    array[0].append(2.0)
+    assert twin.array[0] == [1.0]
