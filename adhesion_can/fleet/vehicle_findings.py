@@ -12,8 +12,7 @@ from adhesion_can.fleet.effect_sizes import EffectSizes, held_out_gain, rmse_per
 from adhesion_can.fleet.evidence import UnitEvidence
 from adhesion_can.fleet.findings import FleetFinding, Scope
 from adhesion_can.fleet.settings import FleetSettings
-from adhesion_can.physics.effects.speed_scale import SpeedScale
-from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.physics.effects.instrument_errors import SPEED_SCALE, WHEEL_RADIUS
 
 RIVAL_SHARE = 0.9
 """Share of the gain of a named effect from which another one is its rival."""
@@ -22,12 +21,10 @@ SECOND_SHARE, LEAST_SECOND = 0.1, 0.03
 regression is linear in the sizes, and what it leaves of a large first effect must get no name."""
 ALIKE = 0.2
 """Spread of all axles' deviations, relative to their mean, below which the speed is wrong."""
-RADIUS = (WheelRadius().id, "error", "1")
+RADIUS = (WHEEL_RADIUS, "error", "1")
 """Effect id, parameter and unit of a wheel radius that is not the configured one."""
 COASTING = "coasting"
 """Source of a finding of a wheel radius."""
-SPEED = SpeedScale().id
-"""Effect id of a vehicle speed that is off by a share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,11 +271,11 @@ def _wheel_findings(
         return [
             replace(
                 found[0],
-                effect=SPEED,
+                effect=SPEED_SCALE,
                 axle=0,
                 value=float(values.mean()),
                 rivals=(RADIUS[0],),
-                named_by=sum(SPEED in statistics.coasting[i].causes for i in own),
+                named_by=sum(SPEED_SCALE in statistics.coasting[i].causes for i in own),
             )
         ]
     return sorted(found, key=lambda one: -abs(one.value))

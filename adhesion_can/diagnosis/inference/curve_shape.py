@@ -35,7 +35,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegres
 from adhesion_can.estimation.compare_directions import share_opposite
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.effects import acts_in_contact
-from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION
+from adhesion_can.physics.effects.contact_factors import FALLING_FRICTION
 
 OTHERS: tuple[CurveFamily, ...] = tuple(
     FAMILIES[name] for name in ("polach", "magic_formula", "free")

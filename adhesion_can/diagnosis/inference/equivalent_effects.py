@@ -16,8 +16,8 @@ from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+from adhesion_can.physics.effects.contact_factors import LOAD_DEPENDENCE
 from adhesion_can.physics.effects.effort_gain import EFFORT_GAIN
-from adhesion_can.physics.effects.load_dependence import LOAD_DEPENDENCE
 
 LEAST_COSINE = 0.95
 """Cosine of two signatures, curves projected out, from which they count as the same."""
