@@ -20,7 +20,7 @@ from adhesion_can.diagnosis.drive.from_table import build_drive_data_from_table
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.diagnosis.result import Diagnosis, InputFile
 from adhesion_can.errors import InputError
-from adhesion_can.files import file_sha256
+from adhesion_can.input_files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import inspect_points, inspect_samples
 from adhesion_can.offline.points import MeasuredPoints

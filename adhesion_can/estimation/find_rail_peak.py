@@ -141,12 +141,12 @@ def find_rail_peak(
     misfit = misfit if misfit >= LEAST_MISFIT else 0.0
     grid = np.geomspace(1e-3, settings.slip_max, GRID)
     curve = found.best.adhesion(grid, found.values, found.conditions)
-    bend = float(find_top(grid, curve)[2])
+    curvature = float(find_top(grid, curve)[2])
     peak = PeakEstimate(
         mu_max,
         lambda_m,
         hypot(mu_std, mu_max * misfit, mu_max * common.adhesion),
-        hypot(lambda_std, lambda_m * misfit / MISFIT_WIDTH / bend, common.slip),
+        hypot(lambda_std, lambda_m * misfit / MISFIT_WIDTH / curvature, common.slip),
     )
     points = CurvePoints.from_samples(samples).compressed()
     return RailPeak(

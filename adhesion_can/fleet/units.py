@@ -13,8 +13,8 @@ from typing import Any
 from urllib.parse import unquote
 
 from adhesion_can.errors import InputError, suggest
-from adhesion_can.files import read_small_file
 from adhesion_can.fleet.places import is_url, open_place
+from adhesion_can.input_files import read_small_file
 from adhesion_can.recordings.formats import PYTHON_CAN
 
 COLUMNS = ("path", "vehicle", "config", "line", "latitude", "longitude")

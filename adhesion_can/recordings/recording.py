@@ -12,7 +12,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.extras import install_extra
-from adhesion_can.files import file_sha256
+from adhesion_can.input_files import file_sha256
 from adhesion_can.recordings.candump import (
     DIFFERENCES,
     HEAD_LINES,

@@ -40,7 +40,7 @@ def find_equivalent_effects(findings: Findings, candidate: Candidate) -> tuple[s
     place = best.candidates.index(candidate)
     smaller = fit_model(regression, remove_effect(best.model, place)[0])
     square = smaller.cross_validated_square
-    explained = square - best.square
+    explained = square - best.cross_validated_square
     fits = (
         fit_and_score(regression, proposal.model)
         for proposal in propose_effects(regression, smaller.model, alike)
@@ -69,5 +69,5 @@ def _id_of_last(scored: ScoredModel) -> str:
 
 def _is_equal(scored: ScoredModel, square: float, explained: float) -> bool:
     """Whether a plausible model explains as much as the named effect does."""
-    gain = square - scored.square
+    gain = square - scored.cross_validated_square
     return scored.is_plausible and gain >= EQUAL_GAIN * explained

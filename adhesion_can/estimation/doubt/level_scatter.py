@@ -31,7 +31,7 @@ TRIMMED = 2
 """Number of the largest errors that are left out: a single change of the surface has no more."""
 FEWEST_SAMPLES = 20
 """Number of samples below which a window has no level."""
-FLAT = 0.3
+FLAT_SLOPE = 0.3
 """Logarithmic slope up to which a curve counts as flat: its level is that of the peak."""
 
 
@@ -91,7 +91,7 @@ class LevelScatter(Stateful):
         size, sign = np.abs(samples.slip), np.where(samples.slip < 0.0, -1.0, 1.0)
         decay = np.exp(-c2 * size)
         curve, slope = c1 * (1.0 - decay) - c3 * size, c1 * c2 * decay - c3
-        flat = (np.abs(slope) * size <= FLAT * curve) & (curve > 0.0)
+        flat = (np.abs(slope) * size <= FLAT_SLOPE * curve) & (curve > 0.0)
         if np.count_nonzero(flat) < FEWEST_SAMPLES:
             return None
         var = estimate.noise_std**2 + samples.transient_var + slope**2 * samples.slip_total_var

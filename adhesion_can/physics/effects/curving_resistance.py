@@ -30,8 +30,8 @@ class CurveResistanceLaw:
 
     def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
         """Error of the readings."""
-        bend = np.minimum(np.abs(situation.channel(CURVATURE)), 1.0 / TIGHTEST_M)
-        share = ROECKL_M * bend / (1.0 - SHORTER_M * bend)
+        curvature = np.minimum(np.abs(situation.channel(CURVATURE)), 1.0 / TIGHTEST_M)
+        share = ROECKL_M * curvature / (1.0 - SHORTER_M * curvature)
         return ReadingError(absolute=self.size * share * situation.load)
 
 
