@@ -40,13 +40,13 @@ class AppliedRadii:
     note: str = ""
 
 
-def choose_radii(found: Calibration) -> AppliedRadii:
+def choose_radii(calibration: Calibration) -> AppliedRadii:
     """Calibrated radii that are certain, plausible and differ enough to matter."""
-    estimated = [one for one in found.axles if one.estimate is not None]
+    estimated = [one for one in calibration.axles if one.estimate is not None]
     differ = [one for one in estimated if abs(one.ratio - 1.0) >= LEAST_WEAR]
     if not differ:
         return AppliedRadii({})
-    if not found.effort_known:
+    if not calibration.effort_known:
         reason = (
             "without tractive effort, coasting is unknown and the radii contain the slip of "
             "traction"

@@ -112,20 +112,20 @@ def _sized(one: VehicleSummary) -> str:
     return f"{one.vehicle}: {causes}."
 
 
-def _shared(found: FleetDiagnosis) -> list[Part]:
-    if not found.shared:
+def _shared(diagnosis: FleetDiagnosis) -> list[Part]:
+    if not diagnosis.shared:
         return [
             Text("No effect was found on most vehicles, and no effect differs by line or by day.")
         ]
     rows = [
         (owner(one), one.name, format_size(one), f"{one.p_value:.1g}", format_gain(one),
          f"{one.showing} of {one.units}")
-        for one in found.shared[:MOST_ROWS]
+        for one in diagnosis.shared[:MOST_ROWS]
     ]  # fmt: skip
     note = (
         "An effect of all vehicles belongs to the model; an effect of a line or a day shows on "
         "every vehicle that was there. For each of the three, the probability of any wrong row "
-        f"is {100 * found.alpha:g} %. " + left_out(len(found.shared), MOST_ROWS, "finding")
+        f"is {100 * diagnosis.alpha:g} %. " + left_out(len(diagnosis.shared), MOST_ROWS, "finding")
     )
     caption = "Effects that several vehicles share."
     return [Table(caption, SHARED_COLUMNS, rows, note, sentence_columns=(1,))]

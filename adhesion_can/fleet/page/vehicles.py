@@ -20,9 +20,9 @@ FAILING_COLUMNS = ("vehicle", "recordings", "reason")
 VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "rivals")
 
 
-def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
+def vehicle_parts(diagnosis: FleetDiagnosis) -> list[Part]:
     """Tables of findings, of what recordings name by themselves, of failures and of kinds."""
-    named = found.named
+    named = diagnosis.named
     rows = [
         (
             "" if place else one.vehicle,
@@ -43,14 +43,15 @@ def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
             "vehicle'; p-value corrected for all effects; gain: reduction of the RMSE of the "
             "adhesion on recordings of the vehicle that had no part in finding it; units: those "
             "that show it on their own. A radius comes from coasting. At most "
-            f"{100 * found.false_discovery_rate:g} % of these vehicles are expected to be wrong. "
+            f"{100 * diagnosis.false_discovery_rate:g} % of these vehicles are expected to be "
+            "wrong. "
             + left_out(len(named), MOST_VEHICLES, "vehicle")
         )
         caption = "Vehicles that differ from the others, worst first."
         parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
     else:
         parts.append(Text("The comparison of vehicles finds nothing."))
-    alone = found.named_alone
+    alone = diagnosis.named_alone
     if alone:
         by_recordings = [
             (one.vehicle, effect, own_size(one, effect), f"{one.causes[effect]} of {one.units}")
@@ -64,7 +65,7 @@ def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
         caption = "Causes named by recordings alone, not by a comparison of vehicles."
         parts.append(Table(caption, ALONE_COLUMNS, by_recordings, note, sentence_columns=(1, 2)))
     by_themselves = {one.vehicle for one, _ in alone}
-    failing = [one for one in found.vehicles if one.failed and not one.findings]
+    failing = [one for one in diagnosis.vehicles if one.failed and not one.findings]
     if failing:
         failures = [
             (one.vehicle, f"{one.failed} of {one.units}", one.reasons[0] if one.reasons else "-")
@@ -74,26 +75,26 @@ def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
         caption = "Vehicles without a finding whose recordings failed or cannot be used."
         parts.append(Table(caption, FAILING_COLUMNS, failures, note, sentence_columns=(2,)))
     told = {one.vehicle for one in [*named, *failing]} | by_themselves
-    clean = len(found.vehicles) - len(told)
+    clean = len(diagnosis.vehicles) - len(told)
     if clean and told:
         what = "the other vehicle" if clean == 1 else f"the other {clean} vehicles"
         parts.append(Text(f"Nothing is named on {what}."))
-    return parts + _kinds(found)
+    return parts + _kinds(diagnosis)
 
 
-def _kinds(found: FleetDiagnosis) -> list[Part]:
+def _kinds(diagnosis: FleetDiagnosis) -> list[Part]:
     """Table of the kinds, where there are several."""
-    if len(found.kinds) < 2:
+    if len(diagnosis.kinds) < 2:
         return []
     rows = [
         (one.name, str(one.vehicles), str(one.units), "yes" if one.compared else "no, too few")
-        for one in found.kinds[:MOST_ROWS]
+        for one in diagnosis.kinds[:MOST_ROWS]
     ]
     note = (
         "Vehicles are of one kind if their data have the same form (recordings or TABLEs, "
         "number of axles, configured vehicle except for its wheel radii) and can show the same "
-        f"effects. A kind is compared if it has at least {found.least_vehicles} vehicles. "
-        + left_out(len(found.kinds), MOST_ROWS, "kind")
+        f"effects. A kind is compared if it has at least {diagnosis.least_vehicles} vehicles. "
+        + left_out(len(diagnosis.kinds), MOST_ROWS, "kind")
     )
     caption = "Kinds of vehicles: each vehicle is compared only with those of its kind."
     columns = ("kind", "vehicles", "units", "compared")
