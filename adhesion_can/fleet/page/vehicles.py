@@ -44,8 +44,7 @@ def vehicle_parts(diagnosis: FleetDiagnosis) -> list[Part]:
             "adhesion on recordings of the vehicle that had no part in finding it; units: those "
             "that show it on their own. A radius comes from coasting. At most "
             f"{100 * diagnosis.false_discovery_rate:g} % of these vehicles are expected to be "
-            "wrong. "
-            + left_out(len(named), MOST_VEHICLES, "vehicle")
+            "wrong. " + left_out(len(named), MOST_VEHICLES, "vehicle")
         )
         caption = "Vehicles that differ from the others, worst first."
         parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
