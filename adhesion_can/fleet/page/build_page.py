@@ -63,7 +63,8 @@ def _lead(overview: FleetOverview) -> str:
     own = f" Each on its own: {verdicts}." if verdicts else ""
     return (
         f"{counted(diagnosis.units, 'recording')} of "
-        f"{counted(len(diagnosis.vehicles), 'vehicle')}, {diagnosis.diagnosed} with evidence on effects.{own}"
+        f"{counted(len(diagnosis.vehicles), 'vehicle')}, "
+        f"{diagnosis.diagnosed} with evidence on effects.{own}"
     )
 
 
