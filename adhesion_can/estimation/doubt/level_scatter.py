@@ -41,13 +41,13 @@ class _Level(NamedTuple):
     Attributes:
         square: Square of the error, as a share of the adhesion.
         noise: Variance of that error by independent errors.
-        own: Variance of the level of the estimate itself.
+        estimate_var: Variance of the level of the estimate itself.
 
     """
 
     square: float
     noise: float
-    own: float
+    estimate_var: float
 
 
 class LevelScatter(Stateful):
@@ -98,8 +98,8 @@ class LevelScatter(Stateful):
         weighted: Array = flat * curve / var
         information = float(weighted @ curve)
         share = float(weighted @ (sign * samples.adhesion - curve)) / information
-        own = estimate.mu_max_std / estimate.mu_max
-        return _Level(share * share, 1.0 / information, own * own)
+        relative_std = estimate.mu_max_std / estimate.mu_max
+        return _Level(share * share, 1.0 / information, relative_std * relative_std)
 
 
 def _scatter(levels: deque[_Level]) -> float:
@@ -107,5 +107,5 @@ def _scatter(levels: deque[_Level]) -> float:
     if len(levels) < FEWEST:
         return 0.0
     kept = np.array(sorted(levels)[: len(levels) - TRIMMED])
-    square, noise, own = kept.mean(axis=0).tolist()
-    return sqrt(square - noise - own) if square > LASTING * (noise + own) else 0.0
+    square, noise, estimate_var = kept.mean(axis=0).tolist()
+    return sqrt(square - noise - estimate_var) if square > LASTING * (noise + estimate_var) else 0.0
