@@ -1,4 +1,4 @@
-"""Files of users: outputs that appear whole or not at all, small inputs, and hashes.
+"""Outputs that appear whole or not at all.
 
 Every output of this package is written here. Nobody can foresee the name under which it grows, so
 that no link can be laid in its way, and until it is complete the old file stays.
@@ -13,12 +13,12 @@ import stat
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from hashlib import sha256
 from pathlib import Path
 from tempfile import gettempdir
 from typing import Any, BinaryIO
 
 from adhesion_can.errors import InputError
+from adhesion_can.input_files import open_descriptor
 from adhesion_can.pipes import open_stream
 
 READER_WAIT_S = 60.0
@@ -30,89 +30,6 @@ _LONGEST_LABEL = 32
 """Number of letters of a file's name in that of its temporary file, whose name has a limit too."""
 _MOST_PARTS = 1000
 """Largest number of interrupted runs whose parts are kept beside one file."""
-
-
-def file_sha256(path: Path) -> str:
-    """Hash of a file's bytes, hex."""
-    digest = sha256()
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
-
-
-# ------------------------------------------------------------------------------------ reading
-
-
-@contextmanager
-def regular_file(
-    path: Path,
-    *,
-    where: str = "",
-    kind: type[InputError] = InputError,
-    fix: str = "check the path",
-) -> Iterator[BinaryIO]:
-    """Open a file for reading; a pipe or a device is refused, and never waited for.
-
-    Args:
-        path: Path of the file.
-        where: Name of the file in errors; '' for the path.
-        kind: Class of the errors.
-        fix: Advice where the file cannot be read.
-
-    Raises:
-        InputError: The file cannot be read, or is a pipe or a device; of the class `kind`.
-
-    """
-    where = where or str(path)
-    try:
-        number = _open(path, os.O_RDONLY, "O_NONBLOCK", "O_NOCTTY")
-        with ExitStack() as stack:
-            stack.callback(os.close, number)
-            form = os.fstat(number).st_mode
-            if stat.S_ISDIR(form):
-                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-            if not stat.S_ISREG(form):
-                raise kind(where, "is a pipe or a device, not a file", "write it to a file first")
-            yield stack.enter_context(os.fdopen(number, "rb", closefd=False))
-    except OSError as error:
-        if error.errno == errno.ENXIO:  # of a socket
-            what = "is a pipe or a device, not a file"
-            raise kind(where, what, "write it to a file first") from error
-        raise kind(where, error.strerror or "cannot be read", fix) from error
-
-
-def read_small_file(
-    path: Path,
-    largest: int,
-    *,
-    where: str = "",
-    kind: type[InputError] = InputError,
-    fix: str = "check the path",
-) -> bytes:
-    """Content of a file that a user gives and that is small where it is the right one.
-
-    Args:
-        path: Path of the file.
-        largest: Largest size, bytes.
-        where: Name of the file in errors; '' for the path.
-        kind: Class of the errors.
-        fix: Advice where the file cannot be read.
-
-    Raises:
-        InputError: The file cannot be read, is too large, or is a pipe or a device; of the class
-            `kind`.
-
-    """
-    with regular_file(path, where=where, kind=kind, fix=fix) as file:
-        content = file.read(largest + 1)
-    if len(content) > largest:
-        size = f"{largest >> 20} MiB" if largest >= 1 << 20 else f"{largest} bytes"
-        raise kind(where or str(path), f"larger than {size}", "check that it is the right file")
-    return content
-
-
-# ------------------------------------------------------------------------------------ writing
 
 
 class Temporary:
@@ -141,7 +58,7 @@ class Temporary:
 
     def read_again(self) -> BinaryIO:
         """The closed file, open for reading."""
-        return os.fdopen(_open(self.path, os.O_RDONLY, "O_NOFOLLOW"), "rb")
+        return os.fdopen(open_descriptor(self.path, os.O_RDONLY, "O_NOFOLLOW"), "rb")
 
     def rename(self, target: Path, *, durable: bool = False) -> None:
         """Write all to the disk, close, and take the place of a file in the same folder.
@@ -222,7 +139,7 @@ class OutputFile:
         self._durable = durable
         self._temporary: Temporary | None = None
         self._stream: BinaryIO | None = None
-        with _told(path, "name a folder that can be written to"):
+        with _file_errors(path, "name a folder that can be written to"):
             form = _form(path, follow_links=not own_name)
             if stat.S_ISDIR(form):
                 raise InputError(str(path), "is a folder", "name a file")
@@ -247,7 +164,7 @@ class OutputFile:
         aside = self._temporary
         if aside is None:
             raise ValueError("an output without random access cannot start again")
-        with _told(self._path, _ROOM):
+        with _file_errors(self._path, _ROOM):
             aside.file.close()
             self._temporary = Temporary(self._target)
         self.file = self._temporary.file
@@ -260,7 +177,7 @@ class OutputFile:
             InputError: It cannot be written or renamed; it is still to be abandoned.
 
         """
-        with _told(self._path, _ROOM):
+        with _file_errors(self._path, _ROOM):
             if self._stream is not None:
                 if self._temporary is not None:
                     self.file.seek(0)
@@ -335,7 +252,7 @@ def whole_file(
 
 
 @contextmanager
-def _told(path: Path, fix: str) -> Iterator[None]:
+def _file_errors(path: Path, fix: str) -> Iterator[None]:
     """Turn errors of the file system into InputErrors."""
     try:
         yield
@@ -385,14 +302,7 @@ def _free_part(target: Path) -> Path:
 
 def _create(path: Path, rights: int) -> int:
     """Descriptor of a new file; what is there already, a link too, is an error."""
-    return _open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, "O_NOFOLLOW", rights=rights)
-
-
-def _open(path: Path, flags: int, *names: str, rights: int = 0o666) -> int:
-    """Descriptor of a file, with further flags by the names that this system may not have."""
-    for name in ("O_BINARY", *names):
-        flags |= getattr(os, name, 0)
-    return os.open(path, flags, rights)
+    return open_descriptor(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, "O_NOFOLLOW", rights=rights)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -10,7 +10,7 @@ TEXT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 # What the files of an example have in common: its class, its role or its name on the bus.
 EXAMPLES = {
-    "An effect": r"class Humidity|effects\.humidity",
+    "An effect": r"id=\"humidity\"",
     "A curve family": r"class MagicFormula|curves\.magic_formula",
     "A role": r"Role\.RAIN\b|\bRAIN =|\bRain\b",
     "An estimator": r"ekf_estimator",
@@ -24,7 +24,7 @@ def recipes():
     """Title, stated number of files and listed files of each recipe."""
     part = TEXT.split("## Recipes")[1].split("\n## ")[0]
     found = re.findall(
-        r"^### (.+?) \(as .+?\): (\d+) files\n(.*?)(?=^### |\Z)", part, re.MULTILINE | re.DOTALL
+        r"^### (.+?) \(as .+?\): (\d+) files?\n(.*?)(?=^### |\Z)", part, re.MULTILINE | re.DOTALL
     )
     return {
         name: (int(count), set(re.findall(r"^- `([^`]+)`", body, re.MULTILINE)))

@@ -8,7 +8,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / "adhesion_can"
 
 # Classes of the running service that had these names before the rule. Names go from this list, and
 # none is added: rename the newer of two classes after what tells it from the other.
-TWICE = {"Block", "Conditions", "Direction"}
+TWICE: set[str] = set()
 
 
 def public_classes(text):

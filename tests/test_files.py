@@ -24,10 +24,11 @@ from adhesion_can.config.toml_tables import load_toml
 from adhesion_can.control.plan_follower import DrivingPlan, PlanStep
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.files import OutputFile, read_small_file, whole_file
+from adhesion_can.files import OutputFile, whole_file
 from adhesion_can.fleet.dataset import put
 from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.units import read_manifest
+from adhesion_can.input_files import read_small_file
 from adhesion_can.reporting.export import (
     Field,
     FieldColumn,

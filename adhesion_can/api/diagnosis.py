@@ -20,7 +20,7 @@ from adhesion_can.diagnosis.drive.from_table import build_drive_data_from_table
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
 from adhesion_can.diagnosis.result import Diagnosis, InputFile
 from adhesion_can.errors import InputError
-from adhesion_can.files import file_sha256
+from adhesion_can.input_files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces, load_traces
 from adhesion_can.offline.plausibility import inspect_points, inspect_samples
 from adhesion_can.offline.points import MeasuredPoints
@@ -337,30 +337,30 @@ def diagnose_inputs(
 
 
 def ask_service(
-    loaded: Sequence[LoadedInput], configuration: Configuration, found: Diagnosis
+    loaded: Sequence[LoadedInput], configuration: Configuration, diagnosis: Diagnosis
 ) -> Witness | None:
     """The service's doubt on the longest input, with the plain curve and with the extended model.
 
     Args:
         loaded: Inputs; held-out ones are not asked.
         configuration: Messages, roles, vehicle and settings of the service.
-        found: Diagnosis with an extended model.
+        diagnosis: Diagnosis with an extended model.
 
     Returns:
         Doubt before and after; None for tables and for recordings without a test.
 
     """
     used = [read for read in loaded if not read.input_file.held_out and len(read.drive)]
-    segment = found.longest_segment
-    if found.model is None or segment is None or not used or used[0].drive.table:
+    segment = diagnosis.longest_segment
+    if diagnosis.model is None or segment is None or not used or used[0].drive.table:
         return None
     longest = max(used, key=lambda read: float(np.ptp(read.drive.time_s)))
     name = longest.input_file.name
-    own = [segment for segment in found.surfaces if segment.recording == name]
+    own = [segment for segment in diagnosis.surfaces if segment.recording == name]
     changes_us = [round(segment.from_s * 1e6) for segment in own[1:]]
     start = (own[0] if own else segment).base.theta
     path = longest.input_file.path
-    shares = compute_doubt_shares(path, configuration, found.model, start, changes_us)
+    shares = compute_doubt_shares(path, configuration, diagnosis.model, start, changes_us)
     return None if shares is None else Witness(name, shares.before, shares.after)
 
 

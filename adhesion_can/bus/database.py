@@ -15,7 +15,7 @@ from cantools.database.errors import Error as CantoolsError
 from adhesion_can.bus.database_text import require_small_ranges
 from adhesion_can.bus.lenient_database import is_unused, load_without_faulty_messages
 from adhesion_can.errors import DatabaseError, suggest
-from adhesion_can.files import read_small_file
+from adhesion_can.input_files import read_small_file
 
 INPUT_MESSAGES = (
     "WheelSpeeds1", "WheelSpeeds2", "VehicleSpeed", "TractiveEffort1", "TractiveEffort2",

@@ -178,10 +178,10 @@ class Calibration:
         return html_table("Wheel radii, ± standard error", columns, rows)
 
 
-def _quantity(found: CalibratedQuantity | None) -> dict[str, Any]:
-    if found is None:
+def _quantity(quantity: CalibratedQuantity | None) -> dict[str, Any]:
+    if quantity is None:
         return {"value": None, "std": None, "interval": None}
-    return {"value": found.value, "std": found.std, "interval": list(found.interval)}
+    return {"value": quantity.value, "std": quantity.std, "interval": list(quantity.interval)}
 
 
 def calibrate(

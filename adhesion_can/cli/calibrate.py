@@ -25,7 +25,8 @@ from adhesion_can.config import Configuration
 from adhesion_can.config.calibrated_file import Correction, with_correction
 from adhesion_can.config.calibrated_radii import rim_axles
 from adhesion_can.errors import InputError
-from adhesion_can.files import file_sha256, whole_file
+from adhesion_can.files import whole_file
+from adhesion_can.input_files import file_sha256
 from adhesion_can.offline.load_traces import LoadedTraces
 from adhesion_can.physics.readings import Role
 from adhesion_can.plurals import counted

@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     names = distinct_names(options.log)
     result.findings[:0] = [f"{n}: {r.kind}" for n, r in zip(names, recordings, strict=True)]
     Result(
-        document=result.as_json(),
+        document=result.to_dict(),
         origin=provenance(config, options.log),
         parts=_parts(result),
         step=after_check([result], typed_words(options, options.log)),

@@ -152,7 +152,7 @@ class Conversion:
                 return unmarked_sentence(message.name, number, heard[parameter_group(number)])
         return None
 
-    def as_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
+    def to_dict(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """What became of every frame and line."""
         report = self._decoder.report
         lines: Counter[str] = Counter()

@@ -167,7 +167,7 @@ def _convert(
         for file, block in _blocks(recordings, watched, target.text_at_once, is_even=is_even):
             conversion.process(block, file, writer)
         conversion.require_decoded(recordings)
-    document = conversion.as_json(recordings)
+    document = conversion.to_dict(recordings)
     document["problems"] += writer.problems()
     return document
 
@@ -206,7 +206,7 @@ def _convert_to_raster(
             _, rows = second.decode(block, file)
             for even, columns in raster.add(rows):
                 table_writer.write(even, columns)
-    document = first.as_json(recordings)
+    document = first.to_dict(recordings)
     document["problems"] += raster.problems()
     return document
 

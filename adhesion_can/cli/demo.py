@@ -104,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
     found = phases(bench.simulation.truth(), bench.rows)
     document = {**bench.simulation.truth(), **provenance(config)}
     write_json(str(options.out / "truth.json"), document, own_name=True)
-    summary = {"phases": [phase.as_json() for phase in found], **provenance(config)}
+    summary = {"phases": [phase.to_dict() for phase in found], **provenance(config)}
     write_json(str(options.out / "demo.json"), summary, own_name=True)
     write_json(options.json, summary)
     written = [f"no report: {missing}"]

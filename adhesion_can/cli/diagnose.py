@@ -182,21 +182,21 @@ def _progress() -> Iterator[ShowProgress]:
 # --------------------------------------------------------------------------------- results
 
 
-def _with_provenance(model: ExtendedModel, found: Diagnosis, command: str) -> ExtendedModel:
+def _with_provenance(model: ExtendedModel, diagnosis: Diagnosis, command: str) -> ExtendedModel:
     inputs = {
         f"input {number}": f"{input_file.path} sha256 {input_file.sha256}"
         + (" (held out)" if input_file.held_out else "")
-        for number, input_file in enumerate(found.input_files, start=1)
+        for number, input_file in enumerate(diagnosis.input_files, start=1)
     }
-    origin = {"version": __version__, "command": command, "verdict": found.verdict.value}
+    origin = {"version": __version__, "command": command, "verdict": diagnosis.verdict.value}
     return replace(model, provenance={**origin, **inputs})
 
 
-def _describe_model_file(found: Diagnosis, options: argparse.Namespace) -> list[str]:
+def _describe_model_file(diagnosis: Diagnosis, options: argparse.Namespace) -> list[str]:
     """Notes about the file of --extended."""
-    if found.model is None:
+    if diagnosis.model is None:
         return [f"--extended {options.extended}: not written, because no curve could be fitted"]
-    if not has_extension(found):
+    if not has_extension(diagnosis):
         what = "contains the plain curve, because there is no extension"
         return [f"--extended {options.extended}: {what}"]
     return []

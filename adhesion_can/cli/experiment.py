@@ -24,13 +24,8 @@ from adhesion_can.errors import InputError
 from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.registry import estimator_by_name, known_estimators, oracle
 from adhesion_can.experiments.figures_of_merit import NoiseLevelResult, collect_runs
-from adhesion_can.experiments.runs import (
-    EXPERIMENTS,
-    EstimatorRun,
-    Experiment,
-    participants,
-    run_once,
-)
+from adhesion_can.experiments.runs import EstimatorRun, participants, run_once
+from adhesion_can.experiments.simulated_data import EXPERIMENTS, Experiment
 from adhesion_can.files import whole_file
 from adhesion_can.printable import say
 from adhesion_can.reporting.experiment import (

@@ -64,33 +64,33 @@ class _Work:
 
 
 def next_commands(
-    found: "FleetDiagnosis", units: "Sequence[Unit]", options: argparse.Namespace
+    diagnosis: "FleetDiagnosis", units: "Sequence[Unit]", options: argparse.Namespace
 ) -> list[NextCommand]:
     """Commands to run next, the worst vehicle first; none if nothing is named.
 
     Args:
-        found: Result of the fleet-level diagnosis.
+        diagnosis: Result of the fleet-level diagnosis.
         units: Units of the run, with their configurations.
         options: Options of the command.
 
     """
     by_path = {unit.path: unit for unit in units}
-    work = (one for one in _work(found) if any(path in by_path for path in one.recordings))
+    work = (one for one in _work(diagnosis) if any(path in by_path for path in one.recordings))
     return [_command(one, by_path, options) for one in islice(work, MOST_COMMANDS)]
 
 
-def _work(found: "FleetDiagnosis") -> Iterable[_Work]:
-    for vehicle in found.named:
+def _work(diagnosis: "FleetDiagnosis") -> Iterable[_Work]:
+    for vehicle in diagnosis.named:
         for coasting in (True, False):
-            own = [f for f in vehicle.findings if (f.source == "coasting") is coasting]
-            sizes = [f.pooled for f in own if f.pooled is not None]
+            findings = [f for f in vehicle.findings if (f.source == "coasting") is coasting]
+            sizes = [f.pooled for f in findings if f.pooled is not None]
             if sizes:
                 yield _Work(vehicle.vehicle, _telling(sizes), coasting)
-    for vehicle in found.vehicles:
+    for vehicle in diagnosis.vehicles:
         alone = [one for one in vehicle.cause_sizes if one.effect in vehicle.causes_alone]
         if alone and not vehicle.findings:
             yield _Work(vehicle.vehicle, _telling(alone), coasting=False)
-    shared = [one.pooled for one in found.shared if one.pooled is not None]
+    shared = [one.pooled for one in diagnosis.shared if one.pooled is not None]
     if shared:
         yield _Work(SHARED, _telling(shared[:1]), coasting=False)
 

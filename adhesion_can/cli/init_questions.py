@@ -71,7 +71,8 @@ def _ask_open(guessed: GuessedRoles) -> tuple[GuessedRoles, set[Role]]:
             del open_roles[name]
             continue
         if len(free) > 1:
-            chosen = [one for one in [_ask_rival(name, free)] if one is not None]
+            rival = _ask_rival(name, free)
+            chosen = [] if rival is None else [rival]
         else:
             series = _series(guessed, free[0], used)
             asked |= {guess.name for guess in series}
@@ -115,22 +116,22 @@ def _ask_series(series: Sequence[RoleGuess]) -> bool | None:
 
 def _ask_candidates(initial: InitialConfiguration, role: Role) -> GuessedRoles:
     """The guesses with the signals that a person chose for a role that was not found."""
-    guessed, found = initial.guessed, initial.candidates(role)
-    if not found:
+    guessed, candidates = initial.guessed, initial.candidates(role)
+    if not candidates:
         return guessed
     say(f"{role}: these signals have its unit")
-    for number, one in enumerate(found[:SHOWN], start=1):
-        say(f"  {number}  {candidate_text(one)}")
-    if len(found) > SHOWN:
-        say(f"  {len(found) - SHOWN} more are in the file")
-    count = min(len(found), SHOWN)
+    for number, candidate in enumerate(candidates[:SHOWN], start=1):
+        say(f"  {number}  {candidate_text(candidate)}")
+    if len(candidates) > SHOWN:
+        say(f"  {len(candidates) - SHOWN} more are in the file")
+    count = min(len(candidates), SHOWN)
     question = "number, or Enter for later: "
     if role.per_axle:
         question = "numbers for axles 1, 2, .. in this order, such as 2 1, or Enter for later: "
     chosen = ask_until(question, several(count, MOST_AXLES if role.per_axle else 1))
     guesses = [
-        RoleGuess(role, axle if role.per_axle else 0, one.message, one.signal, 0, CHOSEN)
-        for axle, one in enumerate((found[k - 1] for k in chosen or ()), start=1)
+        RoleGuess(role, axle if role.per_axle else 0, taken.message, taken.signal, 0, CHOSEN)
+        for axle, taken in enumerate((candidates[k - 1] for k in chosen or ()), start=1)
     ]
     places = {guess.place for guess in guesses}
     for guess in (*guessed.taken, *guessed.shared):
@@ -140,15 +141,15 @@ def _ask_candidates(initial: InitialConfiguration, role: Role) -> GuessedRoles:
         name: left
         for name, alike in guessed.rivals.items()
         if not (guesses and alike[0].role is role)
-        and (left := tuple(one for one in alike if one.place not in places))
+        and (left := tuple(guess for guess in alike if guess.place not in places))
     }
     return GuessedRoles(
-        (*(one for one in guessed.taken if one.place not in places), *guesses),
+        (*(guess for guess in guessed.taken if guess.place not in places), *guesses),
         rivals,
         tuple(
-            one
-            for one in guessed.shared
-            if one.place not in places and not (guesses and one.role is role)
+            guess
+            for guess in guessed.shared
+            if guess.place not in places and not (guesses and guess.role is role)
         ),
     )
 
@@ -156,13 +157,13 @@ def _ask_candidates(initial: InitialConfiguration, role: Role) -> GuessedRoles:
 def _share_chosen(guessed: GuessedRoles, axles: int | None) -> GuessedRoles:
     """The guesses with chosen efforts as shared ones, where they are fewer than the axles."""
     chosen = [
-        one
-        for one in guessed.taken
-        if one.reasons == CHOSEN and one.role is Role.TRACTIVE_EFFORT and not one.of_axle
+        guess
+        for guess in guessed.taken
+        if guess.reasons == CHOSEN and guess.role is Role.TRACTIVE_EFFORT and not guess.of_axle
     ]
     if not distribute(chosen, axles) or len(chosen) == axles:
         return guessed
-    kept = tuple(one for one in guessed.taken if one not in chosen)
+    kept = tuple(guess for guess in guessed.taken if guess not in chosen)
     return replace(guessed, taken=kept, shared=(*guessed.shared, *chosen))
 
 
@@ -179,6 +180,6 @@ def _ask_shared(
     say(f"{shared_sentence(shared, axles)}: {signals_text(shared)}")
     agreed = ask_yes(f"does each {verb} {each}, in this order, with equal shares")
     if agreed:
-        left = tuple(one for one in guessed.shared if one.role is not role)
+        left = tuple(guess for guess in guessed.shared if guess.role is not role)
         guessed = replace(guessed, taken=(*guessed.taken, *proposed), shared=left)
     return guessed, agreed

@@ -20,7 +20,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.files import whole_file
 from adhesion_can.monitoring.snapshot import Snapshot
 from adhesion_can.printable import say
-from adhesion_can.reporting.terminal.plain import as_json, plain_line
+from adhesion_can.reporting.terminal.plain import plain_line, snapshot_document
 
 LOOK_S = 0.05
 """Time between two looks at whether a line is due, or the end is asked for, s."""
@@ -48,7 +48,7 @@ def write_lines(
             if talk(options):
                 say(plain_line(snapshot), sys.stdout)
             if file is not None:
-                file.write(json.dumps(finite(as_json(snapshot)), allow_nan=False) + "\n")
+                file.write(json.dumps(finite(snapshot_document(snapshot)), allow_nan=False) + "\n")
                 file.flush()
 
 

@@ -196,7 +196,7 @@ class LogSource:
     def transport(self) -> Transport:
         """How the frames come."""
         until_s = (self._due_us - self._extent.first_us) / 1e6
-        far = self._due_us - self._now_us > SHOWN_BEHIND_S * 1e6
+        is_behind = self._due_us - self._now_us > SHOWN_BEHIND_S * 1e6
         return Transport(
             name=", ".join(path.name for path in self._paths),
             origin=self.origin,
@@ -206,7 +206,7 @@ class LogSource:
             position_s=self.position_s,
             duration_s=self._extent.duration_s,
             is_at_end=self.is_at_end,
-            catching_up_s=until_s if self.is_catching_up and far else None,
+            catching_up_s=until_s if self.is_catching_up and is_behind else None,
         )
 
     def close(self) -> None:

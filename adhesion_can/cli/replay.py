@@ -227,7 +227,7 @@ def _document(
             one.json_name: n for one, n in setpoints.by_objection.items() if one.json_name
         },
         "last": None if core.estimate is None else core.estimate.to_dict(),
-        "fit": None if misfit is None else misfit.as_json(),
+        "fit": None if misfit is None else misfit.to_dict(),
     }
 
 

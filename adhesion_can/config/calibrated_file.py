@@ -14,7 +14,7 @@ from adhesion_can.bus.roles import SignalChoice
 from adhesion_can.config.calibrated_radii import rim_axles
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.toml_tables import LARGEST_FILE
-from adhesion_can.files import read_small_file
+from adhesion_can.input_files import read_small_file
 from adhesion_can.physics.readings import Role
 
 MARK = "calibrated:"

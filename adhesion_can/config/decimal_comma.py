@@ -7,7 +7,7 @@ from pathlib import Path
 
 from adhesion_can.config.toml_tables import LARGEST_FILE
 from adhesion_can.errors import ConfigError
-from adhesion_can.files import read_small_file
+from adhesion_can.input_files import read_small_file
 
 _LINE = re.compile(r"\bat line (\d+)\b")
 _COMMA = re.compile(

@@ -15,7 +15,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from adhesion_can.errors import ConfigError
-from adhesion_can.files import read_small_file
+from adhesion_can.input_files import read_small_file
 from adhesion_can.ranges import OutOfRangeError, range_of
 
 LARGEST_FILE = 4 << 20

@@ -288,7 +288,9 @@ def _describe_inputs(drives: Sequence[DriveData]) -> _Inputs:
 
 def _sort_by_gain(findings: Findings, named: Sequence[Candidate]) -> list[Candidate]:
     """Named effects, the one that alone gains most first."""
-    alone = {single.candidates[0]: single.square for single in findings.selection.singles}
+    alone = {
+        single.candidates[0]: single.cross_validated_square for single in findings.selection.singles
+    }
     return sorted(named, key=lambda candidate: alone.get(candidate, np.inf))
 
 

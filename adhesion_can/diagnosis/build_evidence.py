@@ -129,7 +129,7 @@ def _decide(
     steps = (
         (named and candidate in best.candidates, Decision.NAMED),
         (named, Decision.OTHER_FORM),
-        (findings.detection.absorbed[place] >= UNTESTABLE_SHARE, Decision.IMITATED),
+        (findings.detection.absorbed[place] >= UNTESTABLE_SHARE, Decision.NOT_TESTED),
         (any(effect == refuted.effect for refuted in findings.refuted), Decision.REFUTED),
         (findings.detection.test.p_value[place] > findings.alpha, Decision.NOT_SIGNIFICANT),
         (fit is None, Decision.WEAKER),

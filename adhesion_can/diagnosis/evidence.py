@@ -22,7 +22,7 @@ class Decision(StrEnum):
     IMPLAUSIBLE = "implausible"
     NOT_NAMED = "not named"
     NOT_SIGNIFICANT = "not significant"
-    IMITATED = "not tested"
+    NOT_TESTED = "not tested"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class EffectEvidence:
     @property
     def is_tested(self) -> bool:
         """Whether the data identify it beside the curve, so that its p-value says something."""
-        return self.decision is not Decision.IMITATED
+        return self.decision is not Decision.NOT_TESTED
 
     @property
     def is_sure(self) -> bool:

@@ -24,8 +24,8 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
 )
 from adhesion_can.physics.burckhardt import SLIP_MAX
 from adhesion_can.physics.curves import FAMILIES, Conditions
-from adhesion_can.physics.effects import Contact, compute_change
-from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION, PolachFriction
+from adhesion_can.physics.effects import Contact, compute_change, effect_by_id
+from adhesion_can.physics.effects.contact_factors import FALLING_FRICTION
 from adhesion_can.physics.lag_states import LagStates
 
 FREE, POLACH = FAMILIES["free"], FAMILIES["polach"]
@@ -78,7 +78,7 @@ def fit_other_forms(regression: WhitenedRegression, fitted: FittedModel) -> tupl
             if candidate.effect.id != FALLING_FRICTION:
                 other = other.with_effect(candidate, values)
         if family is FREE and all(drive.has_speed for drive in regression.data.drives):
-            friction = Candidate(PolachFriction())
+            friction = Candidate(effect_by_id(FALLING_FRICTION, "polach"))
             typical = tuple(p.typical for p in friction.free_parameters)
             other = other.with_effect(friction, typical)
         refitted = fit_model(regression, other, ITERATIONS)

@@ -32,7 +32,7 @@ from adhesion_can.estimation.variable_projection import (
 from adhesion_can.physics.burckhardt import peak, peak_gradient
 from adhesion_can.physics.samples import Samples
 
-SURE = 4.0
+CERTAIN_STDS = 4.0
 """Standard deviations beyond which a slip or an adhesion is not zero."""
 WIDEST = 0.25
 """c2² var(λ) beyond which a sample is left out: its error is as wide as the bend of the curve."""
@@ -132,7 +132,7 @@ def fit_with_errors(samples: Samples, slip_max: float) -> CurveFit | None:
         if abs(float(theta[1]) / before - 1.0) < SETTLED:
             break
     errors = _standard_errors(kept, weight, theta, slip_max)
-    reached = kept.slip - SURE * np.sqrt(kept.slip_var)
+    reached = kept.slip - CERTAIN_STDS * np.sqrt(kept.slip_var)
     return CurveFit(theta, float(np.sqrt(noise_var)), errors, reached)
 
 
@@ -143,8 +143,8 @@ def _rows_of(samples: Samples) -> _Rows:
     var = s.slip_total_var
     slip, adhesion = _neighbours(s, s.slip), _neighbours(s, s.adhesion)
     # Means of two on either side: half the variance or less.
-    sure = np.abs(slip) >= SURE * np.sqrt(var)
-    carried = sure | (np.abs(adhesion) >= SURE * np.sqrt(s.adhesion_var))
+    sure = np.abs(slip) >= CERTAIN_STDS * np.sqrt(var)
+    carried = sure | (np.abs(adhesion) >= CERTAIN_STDS * np.sqrt(s.adhesion_var))
     sign = np.copysign(1.0, np.where(sure, slip, adhesion))
     since = s.t_us - int(samples.t_us.min())
     length = min(BLOCK_US, max(int(since.max()) // LEAST_BLOCKS, 1))

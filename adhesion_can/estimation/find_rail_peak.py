@@ -133,41 +133,41 @@ def find_rail_peak(
         return None
     common = common or CommonErrors()
     compare = _compare_binned if samples.slip_total_var.any() else _compare_scores
-    found = compare(samples, plain, settings.slip_max)
-    if found is None or not found.pooled.mu_max > 0.0:
+    comparison = compare(samples, plain, settings.slip_max)
+    if comparison is None or not comparison.pooled.mu_max > 0.0:
         return None
-    mu_max, lambda_m, mu_std, lambda_std = found.pooled
-    misfit = found.misfit.size() / mu_max
+    mu_max, lambda_m, mu_std, lambda_std = comparison.pooled
+    misfit = comparison.misfit.size() / mu_max
     misfit = misfit if misfit >= LEAST_MISFIT else 0.0
     grid = np.geomspace(1e-3, settings.slip_max, GRID)
-    curve = found.best.adhesion(grid, found.values, found.conditions)
-    bend = float(find_top(grid, curve)[2])
+    curve = comparison.best.adhesion(grid, comparison.values, comparison.conditions)
+    curvature = float(find_top(grid, curve)[2])
     peak = PeakEstimate(
         mu_max,
         lambda_m,
         hypot(mu_std, mu_max * misfit, mu_max * common.adhesion),
-        hypot(lambda_std, lambda_m * misfit / MISFIT_WIDTH / bend, common.slip),
+        hypot(lambda_std, lambda_m * misfit / MISFIT_WIDTH / curvature, common.slip),
     )
     points = CurvePoints.from_samples(samples).compressed()
     return RailPeak(
-        plausible=found.plausible,
-        burckhardt_holds=not misfit and _burckhardt_agrees(plain, found),
+        plausible=comparison.plausible,
+        burckhardt_holds=not misfit and _burckhardt_agrees(plain, comparison),
         misfit=misfit,
         peak=peak,
-        identifiable=_assess(samples, found, peak, settings),
-        noise_std=noise_variance(points, found.best, found.values) ** 0.5,
-        speed=float(found.conditions.speed),
+        identifiable=_assess(samples, comparison, peak, settings),
+        noise_std=noise_variance(points, comparison.best, comparison.values) ** 0.5,
+        speed=float(comparison.conditions.speed),
         plain=plain,
         common=common,
     )
 
 
-def _burckhardt_agrees(plain: Estimate, found: _Comparison) -> bool:
+def _burckhardt_agrees(plain: Estimate, comparison: _Comparison) -> bool:
     """Whether Burckhardt's family is plausible, and its peak that of all plausible ones."""
-    if BURCKHARDT not in found.plausible or found.weight < LEAST_WEIGHT:
+    if BURCKHARDT not in comparison.plausible or comparison.weight < LEAST_WEIGHT:
         return False
-    limit = BEST_AGREES if found.plausible[0] == BURCKHARDT else AGREES
-    mu_max, lambda_m, mu_std, lambda_std = found.pooled
+    limit = BEST_AGREES if comparison.plausible[0] == BURCKHARDT else AGREES
+    mu_max, lambda_m, mu_std, lambda_std = comparison.pooled
     return (
         abs(plain.mu_max - mu_max) <= limit * hypot(mu_std, plain.mu_max_std)
         and abs(plain.lambda_m - lambda_m) <= limit * hypot(lambda_std, plain.lambda_m_std)
@@ -175,14 +175,14 @@ def _burckhardt_agrees(plain: Estimate, found: _Comparison) -> bool:
 
 
 def _assess(
-    samples: Samples, found: _Comparison, peak: PeakEstimate, settings: IdentifiabilitySettings
+    samples: Samples, comparison: _Comparison, peak: PeakEstimate, settings: IdentifiabilitySettings
 ) -> Identifiable:
     """Whether the samples reach the peak, and whether the curve falls beyond it."""
     reached = float(np.quantile(np.abs(samples.slip), 1.0 - settings.reach))
     known = assess_peak(
         (peak.mu_max, peak.mu_max_std), (peak.lambda_m, peak.lambda_m_std), reached, settings
     )
-    end = float(found.best.adhesion(reached, found.values, found.conditions))
+    end = float(comparison.best.adhesion(reached, comparison.values, comparison.conditions))
     falls = end <= (1.0 - LEAST_FALL) * peak.mu_max
     enough = len(samples) >= settings.samples
     return Identifiable(mu_max=known.mu_max and enough, lambda_m=known.lambda_m and falls)
@@ -194,29 +194,29 @@ def _compare_binned(samples: Samples, plain: Estimate, slip_max: float) -> _Comp
     parts = [loaded.select(rows) for rows in _blocks(samples)]
     tracker, points = FamilyTracker(), CurvePoints.from_samples(samples).compressed()
     binned = [BinnedSamples.from_samples(part, plain.noise_std) for part in parts]
-    found = tracker.compare(binned, plain.theta)
-    if found is None:
+    comparison = tracker.compare(binned, plain.theta)
+    if comparison is None:
         return None
     # Once more with the noise, and the errors that last, about the family that is best.
-    best = found.leader
+    best = comparison.leader
     noise_std = noise_variance(points, best.family, best.values) ** 0.5
     binned = [BinnedSamples.from_samples(part, noise_std) for part in parts]
-    found = tracker.compare(binned, plain.theta) or found
-    best, means = found.leader, build_points(join_binned(binned), plain.theta)
+    comparison = tracker.compare(binned, plain.theta) or comparison
+    best, means = comparison.leader, build_points(join_binned(binned), plain.theta)
     residual = means.adhesion - predict(best.family, best.values, means)
     conditions = mean_conditions(points)
-    names = sorted(found.probability, key=lambda name: -found.probability[name])
+    names = sorted(comparison.probability, key=lambda name: -comparison.probability[name])
     return _Comparison(
-        tuple(name for name in names if found.probability[name] >= LEAST_PROBABILITY),
-        found.probability[BURCKHARDT],
+        tuple(name for name in names if comparison.probability[name] >= LEAST_PROBABILITY),
+        comparison.probability[BURCKHARDT],
         best.family,
         best.values,
-        found.peak(conditions, slip_max),
+        comparison.peak(conditions, slip_max),
         _Misfit(
             float(means.weight @ residual**2),
             float(means.weight.sum()),
             len(residual) - len(best.values),
-            found.inflation,
+            comparison.inflation,
         ),
         conditions,
     )
@@ -233,17 +233,21 @@ def _compare_scores(samples: Samples, _plain: Estimate, slip_max: float) -> _Com
     """Families by held-out score, the slips taken as exact."""
     every = -(-len(samples) // MOST_SCORED)
     thin = samples.select(slice(None, None, every))
-    found = compare_families(thin, slip_max=slip_max)
-    if found is None:
+    comparison = compare_families(thin, slip_max=slip_max)
+    if comparison is None:
         return None
-    fit = found.families[0].fit
+    fit = comparison.families[0].fit
     values = np.array(fit.values)
     return _Comparison(
-        found.plausible,
-        sum(one.weight for one in found.families if one.fit.family.name == BURCKHARDT),
+        comparison.plausible,
+        sum(
+            member.weight for member in comparison.families if member.fit.family.name == BURCKHARDT
+        ),
         fit.family,
         values,
-        PeakEstimate(found.mu_max, found.lambda_m, found.mu_max_std, found.lambda_m_std),
+        PeakEstimate(
+            comparison.mu_max, comparison.lambda_m, comparison.mu_max_std, comparison.lambda_m_std
+        ),
         _misfit_by_slip(thin, fit.family, values, fit.noise_std),
         fit.conditions,
     )

@@ -14,7 +14,7 @@ LEAST_EFFORT = 0.02
 """Adhesion at the largest slips below which the vehicle coasts."""
 MOST_OPPOSITE = 0.8
 """Share of the samples with an adhesion opposite to their slip from which a sign is wrong."""
-FAR, HALF = 0.7, 0.4
+LARGE_SLIP, MIDDLE_SLIP = 0.7, 0.4
 """Slips, as shares of the largest ones, whose adhesions are compared."""
 CERTAIN = 3.0
 """Difference of their means in its standard errors from which the adhesion rises."""
@@ -97,8 +97,9 @@ def _lack_of_slip(estimate: Estimate, samples: Samples, settings: Identifiabilit
 def _rises(samples: Samples, reached: float) -> bool:
     """Whether the adhesion at the largest slips is certainly above that at half of them."""
     slip, mu = np.abs(samples.slip), samples.adhesion * np.sign(samples.slip)
-    far, half = mu[slip > FAR * reached], mu[(slip > HALF * reached) & (slip <= FAR * reached)]
-    if min(len(far), len(half)) < 2:
+    large, middle = LARGE_SLIP * reached, MIDDLE_SLIP * reached
+    at_large, at_middle = mu[slip > large], mu[(slip > middle) & (slip <= large)]
+    if min(len(at_large), len(at_middle)) < 2:
         return True
-    error = float(np.hypot(far.std() / len(far) ** 0.5, half.std() / len(half) ** 0.5))
-    return float(far.mean() - half.mean()) > CERTAIN * error
+    errors = [part.std() / len(part) ** 0.5 for part in (at_large, at_middle)]
+    return float(at_large.mean() - at_middle.mean()) > CERTAIN * float(np.hypot(*errors))

@@ -7,15 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.experiments.runs import (
+from adhesion_can.experiments.runs import EstimatorRun, cramer_rao_bound, updates_until_settled
+from adhesion_can.experiments.simulated_data import (
     MU_MAX,
     QUANTITIES,
     WITHIN_BLOCKS,
     WITHIN_SEQUENCE,
-    EstimatorRun,
     Experiment,
-    cramer_rao_bound,
-    updates_until_settled,
 )
 
 

@@ -40,44 +40,50 @@ class AppliedRadii:
     note: str = ""
 
 
-def choose_radii(found: Calibration) -> AppliedRadii:
+def choose_radii(calibration: Calibration) -> AppliedRadii:
     """Calibrated radii that are certain, plausible and differ enough to matter."""
-    estimated = [one for one in found.axles if one.estimate is not None]
-    differ = [one for one in estimated if abs(one.ratio - 1.0) >= LEAST_WEAR]
+    estimated = [radius for radius in calibration.axles if radius.estimate is not None]
+    differ = [radius for radius in estimated if abs(radius.ratio - 1.0) >= LEAST_WEAR]
     if not differ:
         return AppliedRadii({})
-    if not found.effort_known:
+    if not calibration.effort_known:
         reason = (
             "without tractive effort, coasting is unknown and the radii contain the slip of "
             "traction"
         )
         return AppliedRadii({}, f"{_listed(differ)}: {reason}")
-    implausible = [one for one in differ if abs(one.ratio - 1.0) > MOST_WEAR]
+    implausible = [radius for radius in differ if abs(radius.ratio - 1.0) > MOST_WEAR]
     if implausible:
         reason = f"a change of more than {100 * MOST_WEAR:g} % is not wear"
         fix = "check the configured radius and the unit of the wheel speed"
         return AppliedRadii({}, f"{_listed(implausible)}: {reason}; {fix}")
-    certain = {one.axle: one.ratio for one in differ if _is_certain(one, len(estimated))}
-    doubtful = [one for one in differ if one.axle not in certain]
+    certain = {
+        radius.axle: radius.ratio for radius in differ if _is_certain(radius, len(estimated))
+    }
+    doubtful = [radius for radius in differ if radius.axle not in certain]
     if not doubtful:
         return AppliedRadii(certain)
     reason = f"not certain: {LEAST_COASTING_S:g} s of coasting and a significance of {ALPHA:g}"
     return AppliedRadii(certain, f"{_listed(doubtful)}: {reason} are needed")
 
 
-def _is_certain(one: AxleRadius, axles: int) -> bool:
+def _is_certain(radius: AxleRadius, axles: int) -> bool:
     """Whether a radius differs beyond chance, by Student's t over the blocks of coasting."""
-    if one.estimate is None or one.coasting_s < LEAST_COASTING_S or not one.estimate.std > 0.0:
+    if (
+        radius.estimate is None
+        or radius.coasting_s < LEAST_COASTING_S
+        or not radius.estimate.std > 0.0
+    ):
         return False
-    t = abs(one.estimate.value - one.configured) / one.estimate.std
-    return bool(2.0 * axles * scipy.special.stdtr(one.blocks - 1, -t) <= ALPHA)
+    t = abs(radius.estimate.value - radius.configured) / radius.estimate.std
+    return bool(2.0 * axles * scipy.special.stdtr(radius.blocks - 1, -t) <= ALPHA)
 
 
 def _listed(axles: Sequence[AxleRadius]) -> str:
     """Deviations of estimated radii with their standard errors."""
     return ", ".join(
-        f"axle {one.axle} {100 * (one.ratio - 1):+.2f} % ± "
-        f"{100 * one.estimate.std / one.configured:.2f} %"
-        for one in axles
-        if one.estimate is not None
+        f"axle {radius.axle} {100 * (radius.ratio - 1):+.2f} % ± "
+        f"{100 * radius.estimate.std / radius.configured:.2f} %"
+        for radius in axles
+        if radius.estimate is not None
     )

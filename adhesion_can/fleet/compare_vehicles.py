@@ -25,7 +25,7 @@ OUTSIDE = 1e-3
 FREEDOMS = (8.0, 12.0, 16.0)
 """Degrees of freedom of Student's t for the tails of a vehicle's statistic: drives differ more than
 a normal law has it, and a size's variance comes from some 17 blocks of a drive."""
-FAR, UNLIKELY = 3.0, 1e-3
+OUTLIER_STATISTIC, UNLIKELY = 3.0, 1e-3
 """Statistic from which the tails are counted, and probability of as few there below which a law is
 left for one with lighter tails; small, since effects of a vehicle are not independent."""
 
@@ -154,10 +154,10 @@ def fit_freedom(statistic: Array) -> float:
         statistic: Statistics of the vehicles that do not stand out, shape (n,).
 
     """
-    far = int(np.count_nonzero(np.abs(statistic) > FAR))
+    outliers = int(np.count_nonzero(np.abs(statistic) > OUTLIER_STATISTIC))
     for freedom in FREEDOMS[:-1]:
-        share = 2.0 * scipy.stats.t.sf(FAR, freedom)
-        if scipy.stats.binom.cdf(far, len(statistic), share) >= UNLIKELY:
+        share = 2.0 * scipy.stats.t.sf(OUTLIER_STATISTIC, freedom)
+        if scipy.stats.binom.cdf(outliers, len(statistic), share) >= UNLIKELY:
             return freedom
     return FREEDOMS[-1]
 

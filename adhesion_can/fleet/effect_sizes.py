@@ -35,25 +35,25 @@ class EffectSizes:
     def collect(cls, grams: Sequence[EffectGrams]) -> "EffectSizes":
         """Collect the sizes of all units; effects in the order in which they are met."""
         place: dict[EffectKey, int] = {}
-        for one in grams:
-            for key in one.keys:
+        for unit in grams:
+            for key in unit.keys:
                 place.setdefault(_comparable(key), len(place))
         size = np.full((len(grams), len(place)), np.nan)
         variance = np.full_like(size, np.nan)
         columns: dict[tuple[EffectKey, ...], list[int]] = {}
-        for row, one in enumerate(grams):
-            if one.keys not in columns:
-                columns[one.keys] = [place[_comparable(key)] for key in one.keys]
-            known = np.where(one.absorbed < UNTESTABLE_SHARE, one.size, np.nan)
-            size[row, columns[one.keys]] = known
-            variance[row, columns[one.keys]] = one.std**2
+        for row, unit in enumerate(grams):
+            if unit.keys not in columns:
+                columns[unit.keys] = [place[_comparable(key)] for key in unit.keys]
+            known = np.where(unit.absorbed < UNTESTABLE_SHARE, unit.size, np.nan)
+            size[row, columns[unit.keys]] = known
+            variance[row, columns[unit.keys]] = unit.std**2
         variance[~np.isfinite(size)] = np.nan
         return cls(tuple(grams), tuple(place), size, variance)
 
     def without(self, known: Sequence[Sizes]) -> "EffectSizes":
         """The sizes that are left where effects of a known size are taken out of each unit."""
         return EffectSizes.collect(
-            [remove_effects(one, sizes) for one, sizes in zip(self.grams, known, strict=True)]
+            [remove_effects(unit, sizes) for unit, sizes in zip(self.grams, known, strict=True)]
         )
 
 
@@ -62,9 +62,9 @@ def _comparable(key: EffectKey) -> EffectKey:
     return EffectKey(key.effect, key.form, key.axle, key.parameter, key.unit, 1.0)
 
 
-def place_of(one: EffectGrams, key: EffectKey) -> int | None:
+def place_of(unit: EffectGrams, key: EffectKey) -> int | None:
     """Place of an effect in a unit's matrices; None where the unit does not have it."""
-    return _places(one.keys).get(_comparable(key))
+    return _places(unit.keys).get(_comparable(key))
 
 
 @lru_cache(maxsize=256)
@@ -73,39 +73,39 @@ def _places(keys: tuple[EffectKey, ...]) -> dict[EffectKey, int]:
     return {_comparable(key): place for place, key in enumerate(keys)}
 
 
-def remove_effects(one: EffectGrams, sizes: Sizes) -> EffectGrams:
+def remove_effects(unit: EffectGrams, sizes: Sizes) -> EffectGrams:
     """Gram matrices with effects of known sizes taken out of the residual."""
-    vector = np.zeros(len(one.keys))
+    vector = np.zeros(len(unit.keys))
     for key, size in sizes.items():
-        place = place_of(one, key)
+        place = place_of(unit, key)
         if place is not None:
             vector[place] = size
     if not vector.any():
-        return one
+        return unit
     return EffectGrams(
-        one.keys,
-        one.gram,
-        one.score - one.gram @ vector,
-        one.score_variance,
-        one.absorbed,
-        max(one.square - one.square_change(vector), 0.0),
-        one.rows,
-        one.blocks,
-        one.rmse,
+        unit.keys,
+        unit.gram,
+        unit.score - unit.gram @ vector,
+        unit.score_variance,
+        unit.absorbed,
+        max(unit.square - unit.square_change(vector), 0.0),
+        unit.rows,
+        unit.blocks,
+        unit.rmse,
     )
 
 
-def gain_of(one: EffectGrams, place: int, size: float) -> float:
+def gain_of(unit: EffectGrams, place: int, size: float) -> float:
     """Fall of a unit's sum of squares by one effect of a given size, in variances of a row."""
-    change = 2.0 * size * one.score[place] - size * size * one.gram[place, place]
-    return float(change / max(one.noise_variance, 1e-300))
+    change = 2.0 * size * unit.score[place] - size * size * unit.gram[place, place]
+    return float(change / max(unit.noise_variance, 1e-300))
 
 
 def gain_share(units: Sequence[EffectGrams], key: EffectKey, size: float) -> float:
     """Share of the sum of squares that an effect of a given size takes away from some units."""
-    places = [(one, place_of(one, key)) for one in units]
-    rows = sum(one.rows for one, place in places if place is not None)
-    gain = sum(gain_of(one, place, size) for one, place in places if place is not None)
+    places = [(unit, place_of(unit, key)) for unit in units]
+    rows = sum(unit.rows for unit, place in places if place is not None)
+    gain = sum(gain_of(unit, place, size) for unit, place in places if place is not None)
     return gain / rows if rows else 0.0
 
 
@@ -119,14 +119,14 @@ def held_out_gain(units: Sequence[EffectGrams], key: EffectKey) -> tuple[float, 
         Share of the sum of squares, and whether units were held out.
 
     """
-    known = [(one, place_of(one, key)) for one in units]
-    used = [(one, place) for one, place in known if place is not None]
-    square = sum(one.rows for one, _ in used)
+    known = [(unit, place_of(unit, key)) for unit in units]
+    used = [(unit, place) for unit, place in known if place is not None]
+    square = sum(unit.rows for unit, _ in used)
     if not square:
         return 0.0, False
-    noise = np.array([max(one.noise_variance, 1e-300) for one, _ in used])
-    score = np.array([one.score[place] for one, place in used]) / noise
-    gram = np.array([one.gram[place, place] for one, place in used]) / noise
+    noise = np.array([max(unit.noise_variance, 1e-300) for unit, _ in used])
+    score = np.array([unit.score[place] for unit, place in used]) / noise
+    gram = np.array([unit.gram[place, place] for unit, place in used]) / noise
     if len(used) == 1:
         variance = used[0][0].score_variance[used[0][1]] / noise[0] ** 2
         gain = (score[0] ** 2 - 2.0 * variance) / max(gram[0], 1e-300)

@@ -12,7 +12,7 @@ import fsspec
 
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_package
-from adhesion_can.files import file_sha256
+from adhesion_can.input_files import file_sha256
 
 _PACKAGES = {"s3": "s3fs", "s3a": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs",
              "az": "adlfs", "http": "aiohttp", "https": "aiohttp", "hdfs": "pyarrow"}  # fmt: skip

@@ -50,25 +50,25 @@ def diagnose_fleet(
     """
     settings = settings or FleetSettings()
     kinds = find_kinds(units) or (VehicleKind("", tuple(units)),)
-    found = [_diagnose_kind(one, settings) for one in kinds]
+    by_kind = [_diagnose_kind(kind, settings) for kind in kinds]
     known = {unit.unit for kind in kinds for unit in kind.units}
-    notes = [note for one in found for note in one.notes]
-    count = sum(not one.error and one.unit not in known for one in units)
+    notes = [note for of_kind in by_kind for note in of_kind.notes]
+    count = sum(not unit.error and unit.unit not in known for unit in units)
     if count:
         notes.append(
             f"Neither effects nor wheel radii from {counted(count, 'unit')}: too short, or slip "
             "and adhesion hardly vary."
         )
     return FleetDiagnosis(
-        vehicles=_rank(units, kinds, found),
-        shared=tuple(finding for one in found for finding in one.shared),
-        kinds=tuple(KindSummary(one.name, one.vehicles, len(one.units)) for one in kinds),
+        vehicles=_rank(units, kinds, by_kind),
+        shared=tuple(finding for of_kind in by_kind for finding in of_kind.shared),
+        kinds=tuple(KindSummary(kind.name, kind.vehicles, len(kind.units)) for kind in kinds),
         units=len(units),
-        diagnosed=sum(one.has_effects for one in units),
+        diagnosed=sum(unit.has_effects for unit in units),
         false_discovery_rate=settings.false_discovery_rate,
         alpha=settings.alpha,
         notes=tuple(notes),
-        spreads={name: spread for one in found for name, spread in one.spreads.items()},
+        spreads={name: spread for of_kind in by_kind for name, spread in of_kind.spreads.items()},
     )
 
 
@@ -101,72 +101,81 @@ def _diagnose_kind(kind: VehicleKind, settings: FleetSettings) -> _OfKind:
 
     """
     units, name = kind.units, kind.name
-    diagnosed = [one for one in units if one.has_effects]
-    sizes = EffectSizes.collect([one.grams for one in diagnosed if one.grams is not None])
+    diagnosed = [unit for unit in units if unit.has_effects]
+    sizes = EffectSizes.collect([unit.grams for unit in diagnosed if unit.grams is not None])
     known: Known = [{} for _ in diagnosed]
     shared: list[FleetFinding] = []
     vehicles: Mapping[str, tuple[FleetFinding, ...]] = {}
-    if len({one.vehicle for one in diagnosed}) > 1:
+    if len({unit.vehicle for unit in diagnosed}) > 1:
         shared += find_fleet_effects(sizes, diagnosed, known, settings)
         for scope in (Scope.LINE, Scope.DAY):
             shared += find_place_effects(scope, sizes, diagnosed, known, settings)
-    coasting = [one for one in units if one.radii]
+    coasting = [unit for unit in units if unit.radii]
     statistics = compare_units(diagnosed, sizes.without(known), coasting)
     if kind.compared:
         vehicles = find_vehicle_effects(statistics, settings)
     named = [f"{key.name} of {name}" if name else key.name for key in sizes.keys]
-    by_unit = {one.unit: own for one, own in zip(diagnosed, known, strict=True)}
-    found = size_findings_of(units, by_unit, statistics)
-    sized = [found.with_size(one) for one in shared]
+    by_unit = {unit.unit: effects for unit, effects in zip(diagnosed, known, strict=True)}
+    sizes_of_findings = size_findings_of(units, by_unit, statistics)
+    sized = [sizes_of_findings.with_size(finding) for finding in shared]
     return _OfKind(
         {
-            vehicle: tuple(found.with_size(one, own) for one in own)
-            for vehicle, own in vehicles.items()
+            vehicle: tuple(sizes_of_findings.with_size(finding, findings) for finding in findings)
+            for vehicle, findings in vehicles.items()
         },
-        tuple(replace(one, where=name) if one.scope is Scope.FLEET else one for one in sized),
+        tuple(
+            replace(finding, where=name) if finding.scope is Scope.FLEET else finding
+            for finding in sized
+        ),
         tuple(f"{name}: {note}" if name else note for note in _notes(kind, diagnosed)),
         {
             effect: spread.variance**0.5
             for effect, spread in zip(named, statistics.effects.spreads, strict=True)
         },
-        found,
+        sizes_of_findings,
     )
 
 
 def _rank(
-    units: Sequence[UnitEvidence], kinds: Sequence[VehicleKind], found: Sequence[_OfKind]
+    units: Sequence[UnitEvidence], kinds: Sequence[VehicleKind], by_kind: Sequence[_OfKind]
 ) -> tuple[VehicleSummary, ...]:
     """All vehicles: those with findings first, then those whose recordings name a cause."""
     shared: dict[str, list[FleetFinding]] = defaultdict(list)
-    for kind, of_kind in zip(kinds, found, strict=True):
-        for vehicle in {one.vehicle for one in kind.units}:
+    for kind, of_kind in zip(kinds, by_kind, strict=True):
+        for vehicle in {unit.vehicle for unit in kind.units}:
             shared[vehicle] += of_kind.shared
-    own: dict[str, list[UnitEvidence]] = defaultdict(list)
-    for one in units:
-        own[one.vehicle].append(one)
+    by_vehicle: dict[str, list[UnitEvidence]] = defaultdict(list)
+    for unit in units:
+        by_vehicle[unit.vehicle].append(unit)
     summaries = []
-    for vehicle, theirs in own.items():
-        bad = [one for one in theirs if one.error or one.faults]
-        findings = tuple(one for of_kind in found for one in of_kind.vehicles.get(vehicle, ()))
-        told = [*findings, *shared[vehicle]]
-        known = {effect for one in told for effect in (one.effect, *one.rivals)}
-        reasons = dict.fromkeys(one.error or one.faults[0] for one in bad)
-        score = sum(map(_cost, findings)) + FAILED_COST * len(bad) / len(theirs)
-        causes = dict(Counter(cause for one in theirs for cause in one.causes).most_common())
+    for vehicle, of_vehicle in by_vehicle.items():
+        bad = [unit for unit in of_vehicle if unit.error or unit.faults]
+        findings = tuple(
+            finding for of_kind in by_kind for finding in of_kind.vehicles.get(vehicle, ())
+        )
+        known = {
+            effect
+            for finding in (*findings, *shared[vehicle])
+            for effect in (finding.effect, *finding.rivals)
+        }
+        reasons = dict.fromkeys(unit.error or unit.faults[0] for unit in bad)
+        score = sum(map(_cost, findings)) + FAILED_COST * len(bad) / len(of_vehicle)
+        causes = dict(Counter(cause for unit in of_vehicle for cause in unit.causes).most_common())
         summaries.append(
             VehicleSummary(
-                vehicle, score, findings, len(theirs), len(bad), tuple(reasons), causes,
+                vehicle, score, findings, len(of_vehicle), len(bad), tuple(reasons), causes,
                 tuple(effect for effect in causes if effect not in known),
-                tuple(size for of_kind in found for size in of_kind.sizes.of_causes(vehicle)),
+                tuple(size for of_kind in by_kind for size in of_kind.sizes.of_causes(vehicle)),
             )
         )  # fmt: skip
     return tuple(sorted(summaries, key=_place))
 
 
-def _place(one: VehicleSummary) -> tuple[bool, float, float, str]:
+def _place(summary: VehicleSummary) -> tuple[bool, float, float, str]:
     """What a vehicle is sorted by: a finding, the share of its units with a cause, its cost."""
-    by_itself = max(one.causes.values(), default=0) / one.units
-    return not one.findings, -by_itself * (not one.findings), -one.score, one.vehicle
+    by_itself = max(summary.causes.values(), default=0) / summary.units
+    clear = not summary.findings
+    return clear, -by_itself * clear, -summary.score, summary.vehicle
 
 
 def _cost(finding: FleetFinding) -> float:
@@ -186,15 +195,15 @@ def _notes(kind: VehicleKind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
             f"there are {kind.vehicles}, so no effect is assigned to a vehicle and each unit has "
             "its own diagnosis only."
         )
-    without = sum(not (one.error or one.has_effects) for one in units)
+    without = sum(not (unit.error or unit.has_effects) for unit in units)
     if without:
         notes.append(
             f"No effects from {counted(without, 'unit')}: too short, or slip and adhesion hardly "
             "vary."
         )
     for scope, places in (
-        ("line", [one.line for one in diagnosed]),
-        ("day", [one.day for one in diagnosed]),
+        ("line", [unit.line for unit in diagnosed]),
+        ("day", [unit.day for unit in diagnosed]),
     ):
         if diagnosed and not any(places):
             notes.append(f"No {scope} is known, so effects of a {scope} cannot be found.")
@@ -210,10 +219,10 @@ def _notes(kind: VehicleKind, diagnosed: Sequence[UnitEvidence]) -> list[str]:
 
 def _driven_alone(units: Sequence[UnitEvidence]) -> list[str]:
     """Lines that one vehicle alone has been on, where there are several vehicles."""
-    on: dict[str, set[str]] = defaultdict(set)
-    for one in units:
-        if one.line:
-            on[one.line].add(one.vehicle)
-    if len({one.vehicle for one in units}) < 2:
+    vehicles_by_line: dict[str, set[str]] = defaultdict(set)
+    for unit in units:
+        if unit.line:
+            vehicles_by_line[unit.line].add(unit.vehicle)
+    if len({unit.vehicle for unit in units}) < 2:
         return []
-    return sorted(line for line, vehicles in on.items() if len(vehicles) == 1)
+    return sorted(line for line, vehicles in vehicles_by_line.items() if len(vehicles) == 1)

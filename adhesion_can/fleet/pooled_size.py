@@ -89,14 +89,14 @@ class PooledSize:
     def by_vehicle(self) -> dict[str, tuple[Mean, tuple[UnitSize, ...]]]:
         """Mean and sizes of each vehicle, by its id."""
         return {
-            vehicle: (_mean(own, self.spread), tuple(own))
-            for vehicle, own in _grouped(self.sizes).items()
+            vehicle: (_mean(sizes, self.spread), tuple(sizes))
+            for vehicle, sizes in _grouped(self.sizes).items()
         }
 
     def to_dict(self) -> dict[str, Any]:
         """The size as JSON has it."""
         return asdict(self) | {
-            "sizes": [asdict(one) | {"source": str(one.source)} for one in self.sizes]
+            "sizes": [asdict(size) | {"source": str(size.source)} for size in self.sizes]
         }
 
 
@@ -110,28 +110,28 @@ def pool_sizes(key: EffectKey, sizes: Iterable[UnitSize], spread: float) -> Pool
             is not known.
 
     """
-    found = sorted(sizes, key=lambda one: (one.vehicle, one.recording, one.unit_id))
-    if not found:
+    in_order = sorted(sizes, key=lambda size: (size.vehicle, size.recording, size.unit_id))
+    if not in_order:
         return None
-    means = [_mean(own, spread) for own in _grouped(found).values()]
+    means = [_mean(of_vehicle, spread) for of_vehicle in _grouped(in_order).values()]
     mean = means[0]
     if len(means) > 1:
         mean = pool(
-            np.array([one.value for one in means]), np.array([one.std for one in means]) ** 2
+            np.array([size.value for size in means]), np.array([size.std for size in means]) ** 2
         )
     named = key.effect, key.form, key.axle, key.parameter, key.unit
-    return PooledSize(*named, mean.value, mean.std, spread, tuple(found))
+    return PooledSize(*named, mean.value, mean.std, spread, tuple(in_order))
 
 
 def _grouped(sizes: Iterable[UnitSize]) -> dict[str, list[UnitSize]]:
-    found: dict[str, list[UnitSize]] = defaultdict(list)
-    for one in sizes:
-        found[one.vehicle].append(one)
-    return found
+    by_vehicle: dict[str, list[UnitSize]] = defaultdict(list)
+    for size in sizes:
+        by_vehicle[size.vehicle].append(size)
+    return by_vehicle
 
 
 def _mean(sizes: Sequence[UnitSize], spread: float) -> Mean:
-    value, std = np.array([one.value for one in sizes]), np.array([one.std for one in sizes])
+    value, std = np.array([size.value for size in sizes]), np.array([size.std for size in sizes])
     if len(sizes) == 1:
         # What one recording shows, as it shows it: how others differ is no error of this one.
         return Mean(float(value[0]), float(std[0]), 1)
@@ -148,7 +148,7 @@ def size_in_unit(unit: UnitEvidence, key: EffectKey, others: Sizes) -> UnitSize 
             moved by what they put into it, to first order; a diagnosis has fitted its own beside.
 
     """
-    named = next((one for one in unit.cause_sizes if _is_same(one, key)), None)
+    named = next((cause for cause in unit.cause_sizes if _is_same(cause, key)), None)
     if named is not None and named.std is not None:
         return _size(unit, named.value, named.std, SizeSource.DIAGNOSIS)
     grams = unit.grams
@@ -164,30 +164,32 @@ def size_in_unit(unit: UnitEvidence, key: EffectKey, others: Sizes) -> UnitSize 
 
 def sizes_by_diagnosis(units: Sequence[UnitEvidence]) -> dict[EffectKey, list[UnitSize]]:
     """Sizes of the causes that the diagnosis of each unit names, by effect."""
-    found: dict[EffectKey, list[UnitSize]] = defaultdict(list)
+    by_effect: dict[EffectKey, list[UnitSize]] = defaultdict(list)
     for unit in units:
-        for one in unit.cause_sizes:
-            if one.std is not None:
-                key = EffectKey(one.effect, one.form, one.axle, one.parameter, one.unit, 1.0)
-                found[key].append(_size(unit, one.value, one.std, SizeSource.DIAGNOSIS))
-    return found
+        for cause in unit.cause_sizes:
+            if cause.std is not None:
+                key = EffectKey(
+                    cause.effect, cause.form, cause.axle, cause.parameter, cause.unit, 1.0
+                )
+                by_effect[key].append(_size(unit, cause.value, cause.std, SizeSource.DIAGNOSIS))
+    return by_effect
 
 
 def sizes_by_coasting(units: Sequence[UnitEvidence], axle: int) -> list[UnitSize]:
     """Deviation of a wheel radius in each unit; of axle 0 that of all radii of a unit alike."""
-    found = []
+    sizes = []
     for unit in units:
-        own = [one for one in unit.radii if axle in {0, one.axle}]
-        if own:
-            value = float(np.mean([one.value for one in own]))
+        radii = [radius for radius in unit.radii if axle in {0, radius.axle}]
+        if radii:
+            value = float(np.mean([radius.value for radius in radii]))
             # Radii of a unit share the error of its vehicle speed: their mean is as uncertain.
-            std = float(np.sqrt(np.mean([one.std**2 for one in own])))
-            found.append(_size(unit, value, std, SizeSource.COASTING))
-    return found
+            std = float(np.sqrt(np.mean([radius.std**2 for radius in radii])))
+            sizes.append(_size(unit, value, std, SizeSource.COASTING))
+    return sizes
 
 
-def _is_same(one: CauseSize, key: EffectKey) -> bool:
-    return one[:5] == (key.effect, key.form, key.axle, key.parameter, key.unit)
+def _is_same(cause: CauseSize, key: EffectKey) -> bool:
+    return cause[:5] == (key.effect, key.form, key.axle, key.parameter, key.unit)
 
 
 def _size(unit: UnitEvidence, value: float, std: float, source: SizeSource) -> UnitSize:

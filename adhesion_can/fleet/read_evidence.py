@@ -9,11 +9,9 @@ from adhesion_can.fleet.dataset import FAILED, DataSet
 from adhesion_can.fleet.effect_records import Row, grams_from_rows
 from adhesion_can.fleet.evidence import AxleDeviation, CauseSize, UnitEvidence, VehicleForm
 from adhesion_can.fleet.schema import CAUSES, EFFECTS, UNITS
-from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.physics.effects.instrument_errors import WHEEL_RADIUS
 from adhesion_can.plurals import counted
 
-WHEEL_RADIUS = WheelRadius().id
-"""Effect id of a wheel radius that is not the configured one."""
 AXLE = "axle"
 """Name of the parameter that is the number of an axle."""
 _OF_UNITS = (

@@ -75,10 +75,10 @@ def write_results(data: DataSet, overview: FleetOverview, origin: Mapping[str, A
     ]
 
 
-def finding_rows(found: FleetDiagnosis) -> list[dict[str, Any]]:
+def finding_rows(diagnosis: FleetDiagnosis) -> list[dict[str, Any]]:
     """Rows of the table `fleet_findings`."""
     rows = []
-    for finding in found.findings:
+    for finding in diagnosis.findings:
         row, pooled = finding.to_dict(), finding.pooled
         row["place"] = row.pop("where")
         del row["pooled"]

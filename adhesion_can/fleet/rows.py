@@ -149,15 +149,15 @@ def _curve(estimate: Estimate) -> Row:
     }
 
 
-def diagnosis_fields(found: Diagnosis) -> Row:
+def diagnosis_fields(diagnosis: Diagnosis) -> Row:
     """Columns of `diagnose`."""
     fields: Row = {
-        "verdict": found.verdict.value,
-        "conclusive": found.conclusive,
-        "causes": [cause.effect for cause in found.causes],
-        "channel": found.channel,
+        "verdict": diagnosis.verdict.value,
+        "conclusive": diagnosis.conclusive,
+        "causes": [cause.effect for cause in diagnosis.causes],
+        "channel": diagnosis.channel,
     }
-    gain = found.gain
+    gain = diagnosis.gain
     if gain is None:
         return fields
     low, high = gain.interval
@@ -171,12 +171,12 @@ def diagnosis_fields(found: Diagnosis) -> Row:
     }
 
 
-def cause_rows(found: Diagnosis) -> list[Row]:
+def cause_rows(diagnosis: Diagnosis) -> list[Row]:
     """Rows of `causes`: named effects in their order, then the others that were tested."""
     rows: dict[str, Row] = {
-        cause.effect: _named(cause, rank) for rank, cause in enumerate(found.causes, start=1)
+        cause.effect: _named(cause, rank) for rank, cause in enumerate(diagnosis.causes, start=1)
     }
-    for evidence in found.evidence:
+    for evidence in diagnosis.evidence:
         row = rows.setdefault(evidence.effect, {"effect": evidence.effect, "named": False})
         alike, cosine = evidence.most_similar
         tested = {

@@ -30,9 +30,9 @@ def find_fleet_effects(
     sizes: EffectSizes, units: Sequence[UnitEvidence], known: Known, settings: FleetSettings
 ) -> list[FleetFinding]:
     """Effects that are there on most vehicles, the largest gain first; noted in `known`."""
-    found: list[FleetFinding] = []
-    vehicles = [one.vehicle for one in units]
-    while len(found) < MOST_SHARED:
+    findings: list[FleetFinding] = []
+    vehicles = [unit.vehicle for unit in units]
+    while len(findings) < MOST_SHARED:
         left = sizes.without(known)
         means, deviations = vehicle_means(vehicles, left.size, left.variance)
         best: tuple[float, int, Mean, float] | None = None
@@ -55,7 +55,7 @@ def find_fleet_effects(
         key = left.keys[j]
         for own in known:
             own[key] = mean.value
-        found.append(
+        findings.append(
             FleetFinding.of(
                 key,
                 Scope.FLEET,
@@ -71,7 +71,7 @@ def find_fleet_effects(
                 named_by=_named_by(units, key),
             )
         )
-    return found
+    return findings
 
 
 def find_place_effects(
@@ -83,13 +83,15 @@ def find_place_effects(
 ) -> list[FleetFinding]:
     """Effects that differ on a line, or on a day, whatever the vehicle; noted in `known`."""
     of: Callable[[UnitEvidence], str] = (
-        (lambda one: one.line) if scope is Scope.LINE else lambda one: one.day
+        (lambda unit: unit.line) if scope is Scope.LINE else lambda unit: unit.day
     )
-    places = [of(one) for one in units]
+    places = [of(unit) for unit in units]
     rng = np.random.default_rng(settings.seed)
     left = sizes.without(known)
-    compared = compare_places(places, [one.vehicle for one in units], left.size, left.variance, rng)
-    found: list[FleetFinding] = []
+    compared = compare_places(
+        places, [unit.vehicle for unit in units], left.size, left.variance, rng
+    )
+    findings: list[FleetFinding] = []
     for row, name in enumerate(compared.names):
         rows = np.array([i for i, place in enumerate(places) if place == name])
         own = [left.grams[i] for i in rows]
@@ -98,13 +100,13 @@ def find_place_effects(
             share = gain_share(own, left.keys[j], float(compared.size[row, j]))
             if share >= settings.least_gain and (best is None or share > best[0]):
                 best = share, j
-        if best is None or len(found) >= MOST_PLACES:
+        if best is None or len(findings) >= MOST_PLACES:
             continue
         share, j = best
         key, value = left.keys[j], float(compared.size[row, j])
         for i in rows:
             known[i][key] = known[i].get(key, 0.0) + value
-        found.append(
+        findings.append(
             FleetFinding.of(
                 key,
                 scope,
@@ -120,7 +122,7 @@ def find_place_effects(
                 named_by=_named_by([units[i] for i in rows], key),
             )
         )
-    return found
+    return findings
 
 
 def _showing(sizes: EffectSizes, j: int, rows: np.ndarray, value: float) -> int:
@@ -130,4 +132,4 @@ def _showing(sizes: EffectSizes, j: int, rows: np.ndarray, value: float) -> int:
 
 
 def _named_by(units: Sequence[UnitEvidence], key: EffectKey) -> int:
-    return sum(key.effect in one.causes for one in units)
+    return sum(key.effect in unit.causes for unit in units)

@@ -13,8 +13,8 @@ from typing import Any
 from urllib.parse import unquote
 
 from adhesion_can.errors import InputError, suggest
-from adhesion_can.files import read_small_file
 from adhesion_can.fleet.places import is_url, open_place
+from adhesion_can.input_files import read_small_file
 from adhesion_can.recordings.formats import PYTHON_CAN
 
 COLUMNS = ("path", "vehicle", "config", "line", "latitude", "longitude")
@@ -74,14 +74,14 @@ def find_units(inputs: Iterable[str], vehicle: str | None, out: str) -> list[Uni
     """
     named = _vehicle_by(vehicle)
     own = f"{open_place(out).name.rstrip('/')}/"
-    found: dict[str, Unit] = {}
+    units: dict[str, Unit] = {}
     for given in inputs:
         for path, info in _files(given):
             if not path.startswith(own):
-                found.setdefault(path, _unit(path, named(path), info))
-    if not found:
+                units.setdefault(path, _unit(path, named(path), info))
+    if not units:
         raise InputError("fleet", "the inputs contain no recording or TABLE", "check the paths")
-    return list(found.values())
+    return list(units.values())
 
 
 def read_manifest(path: Path) -> list[Unit]:
@@ -102,16 +102,16 @@ def read_manifest(path: Path) -> list[Unit]:
         rows = [(reader.line_num, row) for row in reader]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(where, f"cannot be read as CSV ({error})", fix) from error
-    found: dict[str, Unit] = {}
+    units: dict[str, Unit] = {}
     for number, row in rows:
         where = f"--units {path}, line {number}"
         unit = _manifest_unit(row, path.absolute().parent, where)
-        if unit.path in found:
+        if unit.path in units:
             raise InputError(where, f"{unit.path} is given twice", "name each file once")
-        found[unit.path] = unit
-    if not found:
+        units[unit.path] = unit
+    if not units:
         raise InputError(f"--units {path}", "no row", "write a row for each recording")
-    return list(found.values())
+    return list(units.values())
 
 
 def _require_heading(heading: Sequence[str], where: str) -> None:
@@ -185,19 +185,19 @@ def _files(given: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
         yield place.name, info
         return
     if info is not None:
-        found = {name: one for name, one in place.find() if _is_taken(name, place.name)}
-        if not found:
+        files = {name: about for name, about in place.find() if _is_taken(name, place.name)}
+        if not files:
             known = ", ".join(sorted(_SUFFIXES))
             raise InputError(given, "no recording in this folder", f"their names end in {known}")
     elif _PATTERN.search(given):
-        found = dict(place.glob())
-        if not found:
+        files = dict(place.glob())
+        if not files:
             raise InputError(
                 given, "no file matches this pattern", "check it; in a shell, put it in quotes"
             )
     else:
         raise InputError(given, "No such file or directory", "check the path")
-    yield from sorted(found.items())
+    yield from sorted(files.items())
 
 
 def _is_taken(name: str, folder: str) -> bool:

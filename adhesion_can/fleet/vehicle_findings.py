@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -12,8 +13,7 @@ from adhesion_can.fleet.effect_sizes import EffectSizes, held_out_gain, rmse_per
 from adhesion_can.fleet.evidence import UnitEvidence
 from adhesion_can.fleet.findings import FleetFinding, Scope
 from adhesion_can.fleet.settings import FleetSettings
-from adhesion_can.physics.effects.speed_scale import SpeedScale
-from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.physics.effects.instrument_errors import SPEED_SCALE, WHEEL_RADIUS
 
 RIVAL_SHARE = 0.9
 """Share of the gain of a named effect from which another one is its rival."""
@@ -22,12 +22,10 @@ SECOND_SHARE, LEAST_SECOND = 0.1, 0.03
 regression is linear in the sizes, and what it leaves of a large first effect must get no name."""
 ALIKE = 0.2
 """Spread of all axles' deviations, relative to their mean, below which the speed is wrong."""
-RADIUS = (WheelRadius().id, "error", "1")
+RADIUS = (WHEEL_RADIUS, "error", "1")
 """Effect id, parameter and unit of a wheel radius that is not the configured one."""
 COASTING = "coasting"
 """Source of a finding of a wheel radius."""
-SPEED = SpeedScale().id
-"""Effect id of a vehicle speed that is off by a share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,21 +64,21 @@ def compare_units(
         coasting: Evidence of the units with radii from coasting.
 
     """
-    axles = sorted({one.axle for unit in coasting for one in unit.radii})
+    axles = sorted({radius.axle for unit in coasting for radius in unit.radii})
     radii = np.full((len(coasting), len(axles)), np.nan)
     variance = np.full_like(radii, np.nan)
     for row, unit in enumerate(coasting):
-        for one in unit.radii:
-            radii[row, axles.index(one.axle)] = one.value
-            variance[row, axles.index(one.axle)] = one.std**2
+        for radius in unit.radii:
+            radii[row, axles.index(radius.axle)] = radius.value
+            variance[row, axles.index(radius.axle)] = radius.std**2
     return VehicleStatistics(
         tuple(units),
         sizes,
-        compare_vehicles([one.vehicle for one in units], sizes.size, sizes.variance),
+        compare_vehicles([unit.vehicle for unit in units], sizes.size, sizes.variance),
         tuple(coasting),
         tuple(axles),
         radii,
-        compare_vehicles([one.vehicle for one in coasting], radii, variance),
+        compare_vehicles([unit.vehicle for unit in coasting], radii, variance),
     )
 
 
@@ -97,7 +95,7 @@ def find_vehicle_effects(
     rate = 0.5 * settings.false_discovery_rate
     by_wheels = _discovered(statistics.wheels, worn, rate)
     by_effects = _discovered(statistics.effects, gains, rate)
-    found = {}
+    findings = {}
     for name in vehicles:
         by_wheel: list[FleetFinding] = []
         if name in by_wheels:
@@ -105,14 +103,14 @@ def find_vehicle_effects(
         by_effect: list[FleetFinding] = []
         # A worn wheel bends the curve of its axle: what is left beside it is no size of anything,
         # unless the effects were looked for with the radius as it is.
-        own = _own(statistics, name)
+        places = _unit_places(statistics, name)
         if name in by_effects and (
-            not by_wheel or all(statistics.units[i].radii_applied for i in own)
+            not by_wheel or all(statistics.units[i].radii_applied for i in places)
         ):
             by_effect = _effect_findings(statistics, name, effects[name], gains[name])
         if by_wheel or by_effect:
-            found[name] = (*by_wheel, *by_effect)
-    return found
+            findings[name] = (*by_wheel, *by_effect)
+    return findings
 
 
 def _discovered(
@@ -131,7 +129,7 @@ def _discovered(
         for row, name in enumerate(compared.vehicles)
     ]
     chosen = discoveries(np.array(p_value), rate)
-    return {name for name, one in zip(compared.vehicles, chosen, strict=True) if one}
+    return set(compress(compared.vehicles, chosen))
 
 
 def _by_vehicle(compared: VehicleComparison) -> dict[str, int]:
@@ -155,20 +153,20 @@ def _gains(
 ) -> dict[int, tuple[float, bool]]:
     """Gain of each effect in which a vehicle differs, where it is worth naming, by its place."""
     compared, sizes = statistics.effects, statistics.sizes
-    own = _own(statistics, vehicle)
-    found = {}
+    places = _unit_places(statistics, vehicle)
+    gains = {}
     for j in np.flatnonzero(compared.p_value[row] <= settings.false_discovery_rate):
         small = abs(compared.size[row, j]) < settings.least_wear
         if sizes.keys[j].effect == RADIUS[0] and small:
             continue  # what is left of a radius that was applied, or too little to matter
-        gain, held_out = held_out_gain([sizes.grams[i] for i in own], sizes.keys[j])
+        gain, held_out = held_out_gain([sizes.grams[i] for i in places], sizes.keys[j])
         if gain >= settings.least_gain:
-            found[int(j)] = (gain, held_out)
-    return found
+            gains[int(j)] = (gain, held_out)
+    return gains
 
 
-def _own(statistics: VehicleStatistics, vehicle: str) -> list[int]:
-    return [i for i, one in enumerate(statistics.units) if one.vehicle == vehicle]
+def _unit_places(statistics: VehicleStatistics, vehicle: str) -> list[int]:
+    return [i for i, unit in enumerate(statistics.units) if unit.vehicle == vehicle]
 
 
 def _effect_findings(
@@ -179,17 +177,17 @@ def _effect_findings(
     Of effects that gain alike, the one that most of the vehicle's recordings name leads: their own
     diagnosis has fitted each in full, and here they are linearised.
     """
-    own = _own(statistics, vehicle)
+    places = _unit_places(statistics, vehicle)
     top = max(gain for gain, _ in gains.values())
     alike = [j for j, (gain, _) in gains.items() if gain >= RIVAL_SHARE * top]
-    best = max(alike, key=lambda j: (_named_by(statistics, own, j), gains[j][0]))
+    best = max(alike, key=lambda j: (_named_by(statistics, places, j), gains[j][0]))
     gain = gains[best][0]
     keys = statistics.sizes.keys
     rivals = tuple(sorted({keys[j].effect for j in alike} - {keys[best].effect}))
-    found = [_effect_finding(statistics, vehicle, row, best, gains[best], rivals)]
+    findings = [_effect_finding(statistics, vehicle, row, best, gains[best], rivals)]
     key, value = statistics.sizes.keys[best], float(statistics.effects.size[row, best])
-    left = EffectSizes.collect([statistics.sizes.grams[i] for i in own]).without(
-        [{key: value}] * len(own)
+    left = EffectSizes.collect([statistics.sizes.grams[i] for i in places]).without(
+        [{key: value}] * len(places)
     )
     second: dict[int, tuple[float, bool]] = {}
     for j in gains:
@@ -201,15 +199,14 @@ def _effect_findings(
             second[j] = (share, held_out)
     if second:
         further = max(second, key=lambda j: second[j][0])
-        one = _effect_finding(statistics, vehicle, row, further, second[further], ())
-        found.append(one)
-    return found
+        findings.append(_effect_finding(statistics, vehicle, row, further, second[further], ()))
+    return findings
 
 
-def _named_by(statistics: VehicleStatistics, own: Sequence[int], j: int) -> int:
+def _named_by(statistics: VehicleStatistics, places: Sequence[int], j: int) -> int:
     """Number of units of a vehicle whose own diagnosis names an effect."""
     effect = statistics.sizes.keys[j].effect
-    return sum(effect in statistics.units[i].causes for i in own)
+    return sum(effect in statistics.units[i].causes for i in places)
 
 
 def _effect_finding(
@@ -221,8 +218,12 @@ def _effect_finding(
     rivals: tuple[str, ...],
 ) -> FleetFinding:
     compared, sizes = statistics.effects, statistics.sizes
-    own, key, value = _own(statistics, vehicle), sizes.keys[j], float(compared.size[row, j])
-    size, std = sizes.size[own, j], np.sqrt(sizes.variance[own, j])
+    places, key, value = (
+        _unit_places(statistics, vehicle),
+        sizes.keys[j],
+        float(compared.size[row, j]),
+    )
+    size, std = sizes.size[places, j], np.sqrt(sizes.variance[places, j])
     return FleetFinding.of(
         key,
         Scope.VEHICLE,
@@ -236,7 +237,7 @@ def _effect_finding(
         units=int(np.isfinite(size).sum()),
         showing=int((np.sign(value) * size > 2.0 * std).sum()),
         rivals=rivals,
-        named_by=_named_by(statistics, own, j),
+        named_by=_named_by(statistics, places, j),
     )
 
 
@@ -245,12 +246,12 @@ def _wheel_findings(
 ) -> list[FleetFinding]:
     """A finding for each worn axle; one of the speed where all axles deviate alike."""
     wheels = statistics.wheels
-    own = [i for i, one in enumerate(statistics.coasting) if one.vehicle == vehicle]
-    found = []
+    places = [i for i, unit in enumerate(statistics.coasting) if unit.vehicle == vehicle]
+    findings = []
     for j in worn:
         value = float(wheels.size[row, j])
-        size = statistics.radii[own, j]
-        found.append(
+        size = statistics.radii[places, j]
+        findings.append(
             FleetFinding.of(
                 _radius_key(statistics.axles[j]),
                 Scope.VEHICLE,
@@ -264,30 +265,30 @@ def _wheel_findings(
                 units=int(np.isfinite(size).sum()),
                 showing=int((np.sign(value) * size > 0.5 * abs(value)).sum()),
                 source=COASTING,
-                named_by=sum(RADIUS[0] in statistics.coasting[i].causes for i in own),
+                named_by=sum(RADIUS[0] in statistics.coasting[i].causes for i in places),
             )
         )
-    values = np.array([one.value for one in found])
-    if len(found) == len(statistics.axles) > 1 and np.ptp(values) < ALIKE * abs(values.mean()):
+    values = np.array([finding.value for finding in findings])
+    if len(findings) == len(statistics.axles) > 1 and np.ptp(values) < ALIKE * abs(values.mean()):
         # The ratio of wheel and vehicle speed is all that counts: a speed that reads high by some
         # share makes all wheels look larger by it.
         return [
             replace(
-                found[0],
-                effect=SPEED,
+                findings[0],
+                effect=SPEED_SCALE,
                 axle=0,
                 value=float(values.mean()),
                 rivals=(RADIUS[0],),
-                named_by=sum(SPEED in statistics.coasting[i].causes for i in own),
+                named_by=sum(SPEED_SCALE in statistics.coasting[i].causes for i in places),
             )
         ]
-    return sorted(found, key=lambda one: -abs(one.value))
+    return sorted(findings, key=lambda finding: -abs(finding.value))
 
 
 def _radius_gain(statistics: VehicleStatistics, vehicle: str, axle: int) -> float | None:
     """Gain of an axle's radius in the regression, RMSE in %; None where it does not gain."""
-    own = [statistics.sizes.grams[i] for i in _own(statistics, vehicle)]
-    gain, held_out = held_out_gain(own, _radius_key(axle))
+    grams = [statistics.sizes.grams[i] for i in _unit_places(statistics, vehicle)]
+    gain, held_out = held_out_gain(grams, _radius_key(axle))
     return rmse_percent(gain) if held_out and gain > 0.0 else None
 
 

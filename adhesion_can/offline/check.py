@@ -96,7 +96,7 @@ class CheckResult:
         """Scale of its times for people, from its first frame on."""
         return TimeScale.beginning_at(self.first_us)
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """For `--json`."""
         return {
             "usable": not self.failures,

@@ -59,7 +59,7 @@ class CurveMisfit(NamedTuple):
     samples: int
     segments: int
 
-    def as_json(self) -> dict[str, float | int]:
+    def to_dict(self) -> dict[str, float | int]:
         """Entry for `--json`."""
         return {"rmse": self.rmse, "samples": self.samples, "stretches": self.segments}
 

@@ -12,7 +12,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import RecordingError
 from adhesion_can.extras import install_extra
-from adhesion_can.files import file_sha256
+from adhesion_can.input_files import file_sha256
 from adhesion_can.recordings.candump import (
     DIFFERENCES,
     HEAD_LINES,
@@ -183,8 +183,8 @@ class Recording:
             self.report.notes.insert(0, DIFFERENCES)
         with self._source(self.report) as source:
             chunks = source.chunks(min(size, _CHUNK))
-            found = read_text(chunks, CandumpForm(differences=differences), self.report)
-            for block, self.position in join_blocks(found, size // _CHUNK):
+            blocks = read_text(chunks, CandumpForm(differences=differences), self.report)
+            for block, self.position in join_blocks(blocks, size // _CHUNK):
                 yield block
 
     def _column_blocks(self, size: int) -> Iterator[Block]:
@@ -231,10 +231,10 @@ class Recording:
             work: Function from the path to blocks, each with the position and the report behind it.
 
         """
-        found = read_limited(partial(work, self.path), Limits.of_file(self.size))
-        with closing(found):
+        blocks = read_limited(partial(work, self.path), Limits.of_file(self.size))
+        with closing(blocks):
             try:
-                for block, self.position, report in found:
+                for block, self.position, report in blocks:
                     self.report.take(report)
                     if len(block):
                         yield block

@@ -145,5 +145,7 @@ def speed_lines(result: Calibration, settings: CalibrationSettings) -> list[str]
     ]
 
 
-def _quantity_text(found: CalibratedQuantity | None, unit: str) -> str:
-    return "not identifiable" if found is None else f"{plus_minus(found.value, found.std)} {unit}"
+def _quantity_text(quantity: CalibratedQuantity | None, unit: str) -> str:
+    if quantity is None:
+        return "not identifiable"
+    return f"{plus_minus(quantity.value, quantity.std)} {unit}"

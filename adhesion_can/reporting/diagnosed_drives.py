@@ -15,9 +15,9 @@ MOST_DRIVES = 4
 """Number of recordings that are drawn, the first ones."""
 
 
-def recording_times(found: Diagnosis, recording: str) -> TimeScale:
+def recording_times(diagnosis: Diagnosis, recording: str) -> TimeScale:
     """Scale of the times of a recording; from 0 on its clock where no first reading is known."""
-    return TimeScale.beginning_at(found.begins.get(recording, 0))
+    return TimeScale.beginning_at(diagnosis.begins.get(recording, 0))
 
 
 def spans_of_a_drive(drives: int) -> int:
@@ -31,19 +31,19 @@ def spans_of_a_drive(drives: int) -> int:
 
 
 def drive_parts(
-    drives: Mapping[str, DriveSignals], config: Configuration, found: Diagnosis
+    drives: Mapping[str, DriveSignals], config: Configuration, diagnosis: Diagnosis
 ) -> list[Text | Figure | Table]:
     """Parts of a page with the signals of recordings.
 
     Args:
         drives: Signals by the name of their recording.
         config: Configuration of the diagnosis.
-        found: Result of the diagnosis, for the times.
+        diagnosis: Result of the diagnosis, for the times.
 
     """
     parts: list[Text | Figure | Table] = []
     for number, (name, signals) in enumerate(islice(drives.items(), MOST_DRIVES), start=1):
-        shown = signal_panels(signals, config, recording_times(found, name).zero_us)
+        shown = signal_panels(signals, config, recording_times(diagnosis, name).zero_us)
         if shown.panels:
             caption = f"{name}. {shown.caption}"
             parts.append(panels_figure(caption, shown.panels, "time, s", f"drive-{number}"))

@@ -56,21 +56,21 @@ FLOOR = "a fit with a spline in every channel"
 # ---------------------------------------------------------------------------------- sentences
 
 
-def verdict_sentences(found: Diagnosis) -> list[str]:
+def verdict_sentences(diagnosis: Diagnosis) -> list[str]:
     """Verdict, p-values and gain; one or two sentences an entry, the verdict first."""
-    sentences = list(_verdict(found))
-    if found.gain is not None:
-        sentences.append(gain_sentence(found.gain, found))
-    sentences += _witness_sentence(found)
-    return [*sentences, *_noise_sentence(found), *_what_is_left(found)]
+    sentences = list(_verdict(diagnosis))
+    if diagnosis.gain is not None:
+        sentences.append(gain_sentence(diagnosis.gain, diagnosis))
+    sentences += _witness_sentence(diagnosis)
+    return [*sentences, *_noise_sentence(diagnosis), *_what_is_left(diagnosis)]
 
 
-def closest_sentences(found: Diagnosis) -> list[str]:
+def closest_sentences(diagnosis: Diagnosis) -> list[str]:
     """What helps and is no cause, a sentence each with its size and the reason."""
     return [
         f"{one.title} ({_name_with_sizes(one)}) reduces the RMSE on held-out data by "
         f"{one.gain_percent:.1f} % but is refuted as the cause: {one.refuted_by}."
-        for one in found.closest
+        for one in diagnosis.closest
     ]
 
 
@@ -79,9 +79,9 @@ def _name_with_sizes(closest: ClosestExplanation) -> str:
     return f"{name}: {sizes(closest.parameters)}" if closest.parameters else name
 
 
-def _noise_sentence(found: Diagnosis) -> Iterator[str]:
+def _noise_sentence(diagnosis: Diagnosis) -> Iterator[str]:
     """How far what is left is above the sensors' noise; none where it is not."""
-    noise = found.noise
+    noise = diagnosis.noise
     if noise is None or not noise.exceeds or noise.sensors is None or noise.ratio is None:
         return
     yield (
@@ -92,9 +92,9 @@ def _noise_sentence(found: Diagnosis) -> Iterator[str]:
     )
 
 
-def _witness_sentence(found: Diagnosis) -> Iterator[str]:
+def _witness_sentence(diagnosis: Diagnosis) -> Iterator[str]:
     """The service's doubt with and without the causes; none where nobody asked."""
-    witness = found.witness
+    witness = diagnosis.witness
     if witness is None:
         return
     before, after = 100 * witness.doubt_before, 100 * witness.doubt_after
@@ -111,19 +111,19 @@ def _witness_sentence(found: Diagnosis) -> Iterator[str]:
         yield f"{text}: the causes explain {part}its doubt."
 
 
-def widest_environments(found: Diagnosis) -> list[EnvironmentSizes]:
+def widest_environments(diagnosis: Diagnosis) -> list[EnvironmentSizes]:
     """The partition with the largest spread of each effect; of refuted effects as of named ones."""
     widest: dict[str, EnvironmentSizes] = {}
-    for one in found.environments:
+    for one in diagnosis.environments:
         widest.setdefault(one.effect, one)
     return list(widest.values())
 
 
-def _what_is_left(found: Diagnosis) -> Iterator[str]:
+def _what_is_left(diagnosis: Diagnosis) -> Iterator[str]:
     """The channel on which what the named effects leave depends most; none where it is noise."""
-    if found.verdict is Verdict.UNEXPLAINED:
+    if diagnosis.verdict is Verdict.UNEXPLAINED:
         return  # it says so itself
-    left = [channel for channel in found.channels if channel.is_sure]
+    left = [channel for channel in diagnosis.channels if channel.is_sure]
     if left:
         most = max(left, key=lambda channel: channel.gain_percent)
         yield (
@@ -133,26 +133,26 @@ def _what_is_left(found: Diagnosis) -> Iterator[str]:
         )
 
 
-def has_extension(found: Diagnosis) -> bool:
+def has_extension(diagnosis: Diagnosis) -> bool:
     """Whether there is a model with effects or a spline."""
-    model = found.model
+    model = diagnosis.model
     return model is not None and bool(model.effects or model.splines or model.curve is not None)
 
 
-def _verdict(found: Diagnosis) -> Iterator[str]:
-    if found.verdict is Verdict.NAMED:
-        yield from (f"Named: {_cause_sentence(cause)}" for cause in found.causes)
-    elif found.verdict is Verdict.UNEXPLAINED:
-        yield _unexplained(found)
-        yield from (f"Also named: {_cause_sentence(cause)}" for cause in found.causes)
-    elif found.gain is None:
+def _verdict(diagnosis: Diagnosis) -> Iterator[str]:
+    if diagnosis.verdict is Verdict.NAMED:
+        yield from (f"Named: {_cause_sentence(cause)}" for cause in diagnosis.causes)
+    elif diagnosis.verdict is Verdict.UNEXPLAINED:
+        yield _unexplained(diagnosis)
+        yield from (f"Also named: {_cause_sentence(cause)}" for cause in diagnosis.causes)
+    elif diagnosis.gain is None:
         yield (
             "No verdict: the data are not sufficient. This neither confirms nor refutes the "
             "simulation."
         )
     else:
-        yield _nothing(found)
-        yield from _peaks_of_families(found)
+        yield _nothing(diagnosis)
+        yield from _peaks_of_families(diagnosis)
 
 
 def _cause_sentence(cause: Cause) -> str:
@@ -171,70 +171,74 @@ def _rivals(cause: Cause) -> str:
     return f"These data cannot distinguish it from {rivals}."
 
 
-def _unexplained(found: Diagnosis) -> str:
-    if found.channel is None:
+def _unexplained(diagnosis: Diagnosis) -> str:
+    if diagnosis.channel is None:
         return (
-            f"Unexplained: {unexplained_clause(found)}, and neither a known effect nor a single "
-            "measured channel explains it."
+            f"Unexplained: {unexplained_clause(diagnosis)}, and neither a known effect nor a "
+            "single measured channel explains it."
         )
     # A wave's channel has its length behind the name.
-    own = [c.p_value for c in found.channels if c.channel.partition(",")[0] == found.channel]
+    own = [
+        c.p_value for c in diagnosis.channels if c.channel.partition(",")[0] == diagnosis.channel
+    ]
     sure = f" ({p_clause(min(own), 'channels')})" if own else ""
     text = (
-        f"Unexplained: the residual depends on {channel_label(found.channel)}{sure}, and no known "
-        "effect explains why."
+        f"Unexplained: the residual depends on {channel_label(diagnosis.channel)}{sure}, and no "
+        "known effect explains why."
     )
-    rejected = (f" {one.what} is not a cause: {one.why}." for one in found.untested if one.rejected)
+    rejected = (
+        f" {one.what} is not a cause: {one.why}." for one in diagnosis.untested if one.rejected
+    )
     return text + "".join(rejected)
 
 
-def _nothing(found: Diagnosis) -> str:
-    gain = found.gain
-    if found.conclusive or gain is None:
+def _nothing(diagnosis: Diagnosis) -> str:
+    gain = diagnosis.gain
+    if diagnosis.conclusive or gain is None:
         text = (
             "Nothing found: as far as these data show, the residual of the plain curve is "
             "noise. An effect may still be too small to see, or not excited."
         )
     else:
         text = "Undecided: the deciding data show an effect, but it is not certain."
-        noise = _noise_below(found, gain)
+        noise = _noise_below(diagnosis, gain)
         if noise is not None:
             text = (
                 "Undecided: on held-out data the plain curve has an RMSE of "
                 f"{three_digits(gain.rmse_before)}, {noise}, and no effect or channel explains the "
                 "difference with certainty."
             )
-    return f"{text} {_strongest(found)}".strip()
+    return f"{text} {_strongest(diagnosis)}".strip()
 
 
-def _noise_below(found: Diagnosis, gain: Gain) -> str | None:
+def _noise_below(diagnosis: Diagnosis, gain: Gain) -> str | None:
     """Remainder or noise clearly below what the plain curve leaves, a clause; None: none is."""
     if gain.leaves_much:
         return f"{FLOOR} leaves {three_digits(gain.noise_floor)} on the deciding data"
-    noise = found.noise
+    noise = diagnosis.noise
     if noise is None or noise.sensors is None or not noise.leaves_more:
         return None
     return f"sensor noise explains {three_digits(noise.sensors)}"
 
 
-def _strongest(found: Diagnosis) -> str:
+def _strongest(diagnosis: Diagnosis) -> str:
     """The tested effect with the smallest p-value, and why it is not named; '' without any."""
-    tested = [one for one in found.evidence if one.is_tested]
+    tested = [one for one in diagnosis.evidence if one.is_tested]
     if not tested:
         return ""
     first = min(tested, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
     name = effect_name(first.effect, first.form, first.axle)
-    why = [one.why for one in found.untested if one.rejected and one.what == first.effect]
+    why = [one.why for one in diagnosis.untested if one.rejected and one.what == first.effect]
     return (
         f"The strongest effect is {name}: {p_equation(first.p_value)}, gain alone "
         f"{fixed(first.gain_percent, 1, ' %')}{''.join(f'; {one}' for one in why)}."
     )
 
 
-def _peaks_of_families(found: Diagnosis) -> Iterator[str]:
+def _peaks_of_families(diagnosis: Diagnosis) -> Iterator[str]:
     """Where the families have the peak that predict about as well, if that is not one place."""
-    best = min((one.held_out_rmse for one in found.families), default=0.0)
-    good = [one for one in found.families if one.held_out_rmse <= (1.0 + ABOUT_AS_GOOD) * best]
+    best = min((one.held_out_rmse for one in diagnosis.families), default=0.0)
+    good = [one for one in diagnosis.families if one.held_out_rmse <= (1.0 + ABOUT_AS_GOOD) * best]
     slips = [one.lambda_m for one in good if one.lambda_m is not None]
     if len(slips) < 2 or max(slips) <= APART * min(slips):
         return
@@ -254,10 +258,10 @@ def p_clause(p_value: float, tested: str = "effects") -> str:
     return f"{p_equation(p_value)}, corrected for all {tested} tested"
 
 
-def gain_sentence(gain: Gain, found: Diagnosis) -> str:
+def gain_sentence(gain: Gain, diagnosis: Diagnosis) -> str:
     """Gain of the extension, its interval, and the data that were held out."""
     where = f"Held out: {gain.held_out}."
-    extended = has_extension(found)
+    extended = has_extension(diagnosis)
     before, after = three_digits(gain.rmse_before), three_digits(gain.rmse_after)
     floor = f"On the deciding data, {FLOOR} leaves an RMSE of {three_digits(gain.noise_floor)}."
     if not extended and gain.rmse_after == gain.rmse_before:
@@ -295,62 +299,63 @@ def gain_sentence(gain: Gain, found: Diagnosis) -> str:
 # ----------------------------------------------------------------------------------- terminal
 
 
-def terminal(found: Diagnosis) -> Iterator[str | FittingTable]:
+def terminal(diagnosis: Diagnosis) -> Iterator[str | FittingTable]:
     """Lines and tables for a terminal, in order."""
-    yield from verdict_sentences(found)
-    named = {value for cause in found.causes for value in cause_rows([cause])}
+    yield from verdict_sentences(diagnosis)
+    named = {value for cause in diagnosis.causes for value in cause_rows([cause])}
     if named:
         columns = ("effect", "parameter", "value", "meaning")
-        yield FittingTable("Causes, ± standard deviation", columns, cause_rows(found.causes))
-    if found.wrong:
+        yield FittingTable("Causes, ± standard deviation", columns, cause_rows(diagnosis.causes))
+    if diagnosis.wrong:
         yield "What the simulation gets wrong:"
-        yield from (f"- {sentence}" for sentence in found.wrong)
-    yield from _refutations(found)
-    if found.families:
-        yield FittingTable(FAMILY_TITLE, FAMILY_COLUMNS, family_rows(found.families))
-        if is_shape_named(found):
+        yield from (f"- {sentence}" for sentence in diagnosis.wrong)
+    yield from _refutations(diagnosis)
+    if diagnosis.families:
+        yield FittingTable(FAMILY_TITLE, FAMILY_COLUMNS, family_rows(diagnosis.families))
+        if is_shape_named(diagnosis):
             yield SHAPE_NOTE
-    yield from _next_steps(found)
-    rows = evidence_rows(found.evidence)
+    yield from _next_steps(diagnosis)
+    rows = evidence_rows(diagnosis.evidence)
     if rows:
         few = f"the first {SHOWN} of " if rows[SHOWN:] else ""
-        title_ = f"Evidence: {few}{evidence_title(found.evidence)}"
+        title_ = f"Evidence: {few}{evidence_title(diagnosis.evidence)}"
         yield FittingTable(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
         yield EVIDENCE_NOTE
-        yield decision_note([one for one in found.evidence if one.is_tested][:SHOWN])
+        yield decision_note([one for one in diagnosis.evidence if one.is_tested][:SHOWN])
     # What was tested says more than what could not be.
-    for one in sorted(found.untested, key=lambda one: not one.rejected):
-        yield f"{untested_outcome(one, found.evidence).capitalize()}: {one.what}: {one.why}"
+    for one in sorted(diagnosis.untested, key=lambda one: not one.rejected):
+        yield f"{untested_outcome(one, diagnosis.evidence).capitalize()}: {one.what}: {one.why}"
 
 
-def _refutations(found: Diagnosis) -> Iterator[str | FittingTable]:
+def _refutations(diagnosis: Diagnosis) -> Iterator[str | FittingTable]:
     """What was refuted, and the sizes by environment."""
-    if found.closest:
+    if diagnosis.closest:
         yield "Refuted explanations that help:"
-        yield from (f"- {sentence}" for sentence in closest_sentences(found))
-    widest = widest_environments(found)
+        yield from (f"- {sentence}" for sentence in closest_sentences(diagnosis))
+    widest = widest_environments(diagnosis)
     if widest:
         rows = environment_rows(widest)
         title_ = "Sizes by environment: the partition in which they differ most"
         yield FittingTable(title_, ENVIRONMENT_COLUMNS, rows)
 
 
-def needed_sentence(found: Diagnosis) -> str:
+def needed_sentence(diagnosis: Diagnosis) -> str:
     """The manoeuvre that distinguishes the rivals; '' where none is needed or a plan has it."""
-    planned = found.next_drive
-    if not found.needed or (planned is not None and planned.plan is not None):
+    planned = diagnosis.next_drive
+    if not diagnosis.needed or (planned is not None and planned.plan is not None):
         return ""
-    can_plan = not found.tables and planned is None
-    return f"Needed{', by the plan of --next-drive or by hand' if can_plan else ''}: {found.needed}"
+    can_plan = not diagnosis.tables and planned is None
+    how = ", by the plan of --next-drive or by hand" if can_plan else ""
+    return f"Needed{how}: {diagnosis.needed}"
 
 
-def _next_steps(found: Diagnosis) -> Iterator[str]:
+def _next_steps(diagnosis: Diagnosis) -> Iterator[str]:
     """What would separate explanations, and what a drive has left of them."""
-    needed = needed_sentence(found)
+    needed = needed_sentence(diagnosis)
     if needed:
         yield needed
-    if found.remaining is not None:
-        yield found.remaining.sentence
+    if diagnosis.remaining is not None:
+        yield diagnosis.remaining.sentence
     # Why there is no plan is in the last line of the command.
-    if found.next_drive is not None and found.next_drive.plan is not None:
-        yield found.next_drive.sentence
+    if diagnosis.next_drive is not None and diagnosis.next_drive.plan is not None:
+        yield diagnosis.next_drive.sentence

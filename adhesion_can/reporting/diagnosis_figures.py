@@ -56,8 +56,8 @@ def gain_figure(gain: Gain, *, extended: bool) -> Figure:
     # The gain is a share of `before`: its interval is one of `after`.
     best, worst = (gain.rmse_before * (1.0 - end / 100.0) for end in reversed(gain.interval))
     known = np.isfinite([best, worst]).all()
-    more, less = max(worst - gain.rmse_after, 0.0), max(gain.rmse_after - best, 0.0)
-    ends = (more, less) if known else (None, None)
+    above_after, below_after = max(worst - gain.rmse_after, 0.0), max(gain.rmse_after - best, 0.0)
+    ends = (above_after, below_after) if known else (None, None)
     bars = _bars(
         names, values, [three_digits(value) for value in values], [BEFORE, AFTER, MEASURED]
     )

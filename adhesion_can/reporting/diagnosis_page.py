@@ -51,7 +51,7 @@ Parts = list[Text | Items | Table | Figure]
 
 
 def page(
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     provenance: Mapping[str, str],
     problems: Sequence[str] = (),
     drives: Sequence[Text | Figure | Table] = (),
@@ -59,53 +59,55 @@ def page(
     """Build the page of a diagnosis.
 
     Args:
-        found: Result of the diagnosis.
+        diagnosis: Result of the diagnosis.
         provenance: Version, command, database and configuration by name.
         problems: Sentence for each problem of an input.
         drives: Parts that show the recordings over time; () where there are none.
 
     """
     sections: dict[str, Sequence[Text | Items | Table | Figure]] = {
-        "What the simulation gets wrong": _wrong(found),
+        "What the simulation gets wrong": _wrong(diagnosis),
         "Refuted explanations that help": [
-            Items(closest_sentences(found))
-            if found.closest
+            Items(closest_sentences(diagnosis))
+            if diagnosis.closest
             else Text("No helpful explanation was refuted.")
         ],
-        "One size everywhere?": _environments(found),
-        "Gain": _gain(found),
-        "Measured and simulated": _simulation_plots(found),
+        "One size everywhere?": _environments(diagnosis),
+        "Gain": _gain(diagnosis),
+        "Measured and simulated": _simulation_plots(diagnosis),
         **({"Drives over time": drives} if drives else {}),
-        "Residual": _profile(found),
-        "Curve and data": _curve(found),
-        "Evidence for every effect": _evidence(found),
-        "Channels": _channels(found),
-        "What would distinguish the rivals": [*_rivals(found), *_drives_that_tell(found)],
-        "Not tested or rejected": _untested(found),
-        "Extended model": _model(found),
-        "Inputs": _inputs(found, problems),
+        "Residual": _profile(diagnosis),
+        "Curve and data": _curve(diagnosis),
+        "Evidence for every effect": _evidence(diagnosis),
+        "Channels": _channels(diagnosis),
+        "What would distinguish the rivals": [*_rivals(diagnosis), *_drives_that_tell(diagnosis)],
+        "Not tested or rejected": _untested(diagnosis),
+        "Extended model": _model(diagnosis),
+        "Inputs": _inputs(diagnosis, problems),
     }
     return Page(
         title="What the simulation gets wrong, and why",
-        lead=_lead(found),
-        verdict=verdict_sentences(found),
+        lead=_lead(diagnosis),
+        verdict=verdict_sentences(diagnosis),
         sections=sections,
         provenance=provenance,
-        next_step=found.next_step,
-        begin=_begin(found),
+        next_step=diagnosis.next_step,
+        begin=_begin(diagnosis),
     )
 
 
-def _begin(found: Diagnosis) -> str:
+def _begin(diagnosis: Diagnosis) -> str:
     """Time 0 of each recording, a sentence each."""
-    many = len(found.begins) > 1
-    headings = (recording_times(found, name).heading(name if many else "") for name in found.begins)
+    many = len(diagnosis.begins) > 1
+    headings = (
+        recording_times(diagnosis, name).heading(name if many else "") for name in diagnosis.begins
+    )
     return " ".join(heading for heading in headings if heading)
 
 
-def _lead(found: Diagnosis) -> str:
-    held = found.held_out_files
-    used = [file.name for file in found.input_files if file.name not in held]
+def _lead(diagnosis: Diagnosis) -> str:
+    held = diagnosis.held_out_files
+    used = [file.name for file in diagnosis.input_files if file.name not in held]
     text = f"Diagnosis of {', '.join(used)}"
     if held:
         text += f"; held out for the gain: {', '.join(sorted(held))}"
@@ -119,23 +121,23 @@ def _lead(found: Diagnosis) -> str:
 # ----------------------------------------------------------------------------------- sections
 
 
-def _wrong(found: Diagnosis) -> Parts:
+def _wrong(diagnosis: Diagnosis) -> Parts:
     parts: Parts = [
-        Items(found.wrong) if found.wrong else Text("Nothing, as far as these data show.")
+        Items(diagnosis.wrong) if diagnosis.wrong else Text("Nothing, as far as these data show.")
     ]
-    if found.causes:
+    if diagnosis.causes:
         columns = ("effect", "parameter", "value", "meaning")
         parts.append(
-            Table("Named effects, ± standard deviation.", columns, cause_rows(found.causes),
+            Table("Named effects, ± standard deviation.", columns, cause_rows(diagnosis.causes),
                   sentence_columns=(3,))
         )  # fmt: skip
-        about = [f"Literature on {c.effect}: {c.literature}." for c in found.causes]
+        about = [f"Literature on {c.effect}: {c.literature}." for c in diagnosis.causes]
         parts.append(Items(about))
     return parts
 
 
-def _environments(found: Diagnosis) -> Parts:
-    if not found.environments:
+def _environments(diagnosis: Diagnosis) -> Parts:
+    if not diagnosis.environments:
         return [
             Text(
                 "No named or refuted effect has a size that can be compared between parts of the "
@@ -148,62 +150,64 @@ def _environments(found: Diagnosis) -> Parts:
             "size: sizes that differ significantly and by more than 30 % refute it."
         )
     ]
-    for effect in dict.fromkeys(one.effect for one in found.environments):
-        environments = [one for one in found.environments if one.effect == effect]
+    for effect in dict.fromkeys(one.effect for one in diagnosis.environments):
+        environments = [one for one in diagnosis.environments if one.effect == effect]
         parts.append(environment_figure(environments))
-    widest = environment_rows(widest_environments(found))
+    widest = environment_rows(widest_environments(diagnosis))
     caption = "The partition in which the sizes of each effect differ most, ± standard deviation."
     return [*parts, Table(caption, ENVIRONMENT_COLUMNS, widest)]
 
 
-def _gain(found: Diagnosis) -> Parts:
-    if found.gain is None:
+def _gain(diagnosis: Diagnosis) -> Parts:
+    if diagnosis.gain is None:
         return [Text("Not measured: the data are not sufficient for a verdict.")]
-    gain = found.gain
+    gain = diagnosis.gain
     spans: dict[str, list[str]] = {}
     for name, begin, end in gain.spans:
-        times = recording_times(found, name)
+        times = recording_times(diagnosis, name)
         span = f"{times.seconds(begin):.1f} to {times.seconds(end):.1f} s"
         spans.setdefault(name, []).append(span)
     held = [f"Held out of {name}: {', '.join(own)}." for name, own in spans.items()]
-    figure = gain_figure(gain, extended=has_extension(found))
+    figure = gain_figure(gain, extended=has_extension(diagnosis))
     return [figure, Items(held)] if held else [figure]
 
 
-def _simulation_plots(found: Diagnosis) -> Parts:
-    prediction = found.plots.prediction
+def _simulation_plots(diagnosis: Diagnosis) -> Parts:
+    prediction = diagnosis.plots.prediction
     if prediction is not None:
-        return [prediction_figure(prediction, extended=has_extension(found))]
-    if not found.plots.simulations:
+        return [prediction_figure(prediction, extended=has_extension(diagnosis))]
+    if not diagnosis.plots.simulations:
         return [Text("There is no span to show.")]
     return [
-        simulation_figure(one, recording_times(found, one.recording), extended=has_extension(found))
-        for one in found.plots.simulations
+        simulation_figure(
+            one, recording_times(diagnosis, one.recording), extended=has_extension(diagnosis)
+        )
+        for one in diagnosis.plots.simulations
     ]
 
 
-def _profile(found: Diagnosis) -> Parts:
-    if found.profile is None:
+def _profile(diagnosis: Diagnosis) -> Parts:
+    if diagnosis.profile is None:
         return [Text("No channel was named, so there is no residual to show over one.")]
-    return [profile_figure(found.profile)]
+    return [profile_figure(diagnosis.profile)]
 
 
-def _curve(found: Diagnosis) -> Parts:
+def _curve(diagnosis: Diagnosis) -> Parts:
     parts: Parts = []
-    longest, curves = found.longest_segment, found.curves
+    longest, curves = diagnosis.longest_segment, diagnosis.curves
     if longest is not None and curves is not None:
-        times, extended = recording_times(found, longest.recording), has_extension(found)
+        times, extended = recording_times(diagnosis, longest.recording), has_extension(diagnosis)
         parts.append(curve_figure(longest, times, curves, extended=extended))
-    if found.families and curves is not None:
-        parts += [family_figure(found.families, curves), _family_table(found)]
-    if found.surfaces:
-        parts.append(_surface_table(found, extended=has_extension(found)))
+    if diagnosis.families and curves is not None:
+        parts += [family_figure(diagnosis.families, curves), _family_table(diagnosis)]
+    if diagnosis.surfaces:
+        parts.append(_surface_table(diagnosis, extended=has_extension(diagnosis)))
     return parts or [Text("No curve could be fitted.")]
 
 
-def _surface_table(found: Diagnosis, *, extended: bool) -> Table:
+def _surface_table(diagnosis: Diagnosis, *, extended: bool) -> Table:
     def name(s: SegmentResult) -> str:
-        times = recording_times(found, s.recording)
+        times = recording_times(diagnosis, s.recording)
         return f"{s.recording}, {times.seconds(s.from_s):.0f} to {times.seconds(s.to_s):.0f} s"
 
     def cells(e: Estimate) -> tuple[str, ...]:
@@ -218,7 +222,7 @@ def _surface_table(found: Diagnosis, *, extended: bool) -> Table:
 
     rows = [
         (name(s), which, *cells(estimate))
-        for s in found.surfaces
+        for s in diagnosis.surfaces
         for which, estimate in (("plain", s.base), ("extended", s.extended))[: 1 + extended]
     ]
     columns = ("surface", "model", "μ_max", "λ_m", "c1", "c2", "c3")
@@ -231,7 +235,7 @@ def _surface_table(found: Diagnosis, *, extended: bool) -> Table:
     )
 
 
-def _family_table(found: Diagnosis) -> Table:
+def _family_table(diagnosis: Diagnosis) -> Table:
     note = (
         f"{HELD_OUT_RMSE}: RMSE of the whitened residuals, each block predicted from the others, "
         "in standard deviations σ of the noise; smaller is better. RMSE: of the adhesion on the "
@@ -239,25 +243,25 @@ def _family_table(found: Diagnosis) -> Table:
         "if its gain is significant and no effect explains as much."
     )
     caption = f"{FAMILY_TITLE}; peaks at the mean speed and load."
-    note = f"{note} {SHAPE_NOTE}" if is_shape_named(found) else note
-    return Table(caption, FAMILY_COLUMNS, family_rows(found.families), note)
+    note = f"{note} {SHAPE_NOTE}" if is_shape_named(diagnosis) else note
+    return Table(caption, FAMILY_COLUMNS, family_rows(diagnosis.families), note)
 
 
-def _evidence(found: Diagnosis) -> Parts:
-    if not evidence_rows(found.evidence):
+def _evidence(diagnosis: Diagnosis) -> Parts:
+    if not evidence_rows(diagnosis.evidence):
         return [Text("No effect could be tested.")]
     note = (
-        f"{EVIDENCE_NOTE} {decision_note(found.evidence)} Effects that the curve imitates are "
+        f"{EVIDENCE_NOTE} {decision_note(diagnosis.evidence)} Effects that the curve imitates are "
         "listed under 'Not tested or rejected'."
     )
-    rows = evidence_rows(found.evidence)
-    caption = f"{evidence_title(found.evidence)}."
-    parts: Parts = [model_figure(found.models)] if len(found.models) > 1 else []
+    rows = evidence_rows(diagnosis.evidence)
+    caption = f"{evidence_title(diagnosis.evidence)}."
+    parts: Parts = [model_figure(diagnosis.models)] if len(diagnosis.models) > 1 else []
     return [*parts, Table(caption, EVIDENCE_COLUMNS, rows, note)]
 
 
-def _channels(found: Diagnosis) -> Parts:
-    if not found.channels:
+def _channels(diagnosis: Diagnosis) -> Parts:
+    if not diagnosis.channels:
         return [Text("No channel could be tested.")]
     note = (
         "A smooth curve in each channel is fitted to the residual. p: p-value, corrected for "
@@ -265,15 +269,15 @@ def _channels(found: Diagnosis) -> Parts:
         "curve."
     )
     caption = "Residual on the deciding data by channel, with the named effects in the model."
-    return [Table(caption, CHANNEL_COLUMNS, channel_rows(found.channels), note)]
+    return [Table(caption, CHANNEL_COLUMNS, channel_rows(diagnosis.channels), note)]
 
 
-def _drives_that_tell(found: Diagnosis) -> Parts:
+def _drives_that_tell(diagnosis: Diagnosis) -> Parts:
     """What a drive left of the explanations, and the next one that would separate."""
     parts: Parts = []
-    if found.remaining is not None:
-        parts.append(Text(found.remaining.sentence))
-    next_drive = found.next_drive
+    if diagnosis.remaining is not None:
+        parts.append(Text(diagnosis.remaining.sentence))
+    next_drive = diagnosis.next_drive
     if next_drive is None:
         return parts
     parts.append(Text(next_drive.sentence))
@@ -299,9 +303,9 @@ def _drives_that_tell(found: Diagnosis) -> Parts:
     return parts
 
 
-def _rivals(found: Diagnosis) -> Parts:
-    rivals = dict.fromkeys(rival for cause in found.causes for rival in cause.rivals)
-    needed = needed_sentence(found)
+def _rivals(diagnosis: Diagnosis) -> Parts:
+    rivals = dict.fromkeys(rival for cause in diagnosis.causes for rival in cause.rivals)
+    needed = needed_sentence(diagnosis)
     if not rivals:
         return [Text(needed or "There are no rivals to distinguish.")]
     return [
@@ -311,12 +315,12 @@ def _rivals(found: Diagnosis) -> Parts:
     ]
 
 
-def _untested(found: Diagnosis) -> Parts:
-    if not found.untested:
+def _untested(diagnosis: Diagnosis) -> Parts:
+    if not diagnosis.untested:
         return [Text("Everything was tested.")]
     rows = [
-        (one.what, untested_outcome(one, found.evidence), one.why)
-        for one in sorted(found.untested, key=lambda one: not one.rejected)
+        (one.what, untested_outcome(one, diagnosis.evidence), one.why)
+        for one in sorted(diagnosis.untested, key=lambda one: not one.rejected)
     ]
     note = (
         "not tested: the data do not identify it. rejected: tested, and not confirmed. refuted: "
@@ -326,25 +330,25 @@ def _untested(found: Diagnosis) -> Parts:
     return [Table("What is no finding, and why.", columns, rows, note, sentence_columns=(1, 2))]
 
 
-def _model(found: Diagnosis) -> Parts:
-    if found.model is None or not has_extension(found):
+def _model(diagnosis: Diagnosis) -> Parts:
+    if diagnosis.model is None or not has_extension(diagnosis):
         return [Text("There is no extension: the plain curve remains.")]
-    return model_parts(found.model, {cause.effect for cause in found.causes})
+    return model_parts(diagnosis.model, {cause.effect for cause in diagnosis.causes})
 
 
-def _inputs(found: Diagnosis, problems: Sequence[str]) -> Parts:
-    held = found.held_out_files
+def _inputs(diagnosis: Diagnosis, problems: Sequence[str]) -> Parts:
+    held = diagnosis.held_out_files
     rows = [
         (
             s.name,
             "held out for the gain" if s.name in held else "diagnosed",
-            str(found.samples.get(s.name, 0)),
+            str(diagnosis.samples.get(s.name, 0)),
             s.sha256,
         )
-        for s in found.input_files
+        for s in diagnosis.input_files
     ]
     parts: Parts = [Table("Files, and the rows used of each.", _INPUT_COLUMNS, rows)]
-    lost = [f"{count}: {reason}" for reason, count in found.lost.items() if count]
+    lost = [f"{count}: {reason}" for reason, count in diagnosis.lost.items() if count]
     if lost:
         parts += [Text("Rows and signals not used:"), Items(lost)]
     if problems:

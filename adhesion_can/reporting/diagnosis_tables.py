@@ -61,6 +61,6 @@ def environment_rows(environments: Sequence[EnvironmentSizes]) -> list[tuple[str
     ]
 
 
-def is_shape_named(found: Diagnosis) -> bool:
+def is_shape_named(diagnosis: Diagnosis) -> bool:
     """Whether another base curve than Burckhardt's is a named cause."""
-    return any(cause.effect == CURVE_SHAPE for cause in found.causes)
+    return any(cause.effect == CURVE_SHAPE for cause in diagnosis.causes)

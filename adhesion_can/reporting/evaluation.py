@@ -22,16 +22,16 @@ MEANING = (
 )
 
 
-def render_evaluation(found: Evaluation) -> Iterator[str | FittingTable]:
+def render_evaluation(evaluation: Evaluation) -> Iterator[str | FittingTable]:
     """Parts for a terminal."""
-    yield FittingTable(f"{TITLE}, and gain over the plain curve", COLUMNS, _rows(found))
-    yield verdict(found)
+    yield FittingTable(f"{TITLE}, and gain over the plain curve", COLUMNS, _rows(evaluation))
+    yield verdict(evaluation)
     yield MEANING
 
 
-def verdict(found: Evaluation) -> str:
+def verdict(evaluation: Evaluation) -> str:
     """What was compared, the gain, and what it is worth on all data together."""
-    total = found.total
+    total = evaluation.total
     written, refitted = total.as_written, total.refitted
     worth = judge_model(refitted)
     text = (
@@ -49,34 +49,34 @@ def verdict(found: Evaluation) -> str:
 
 
 def page(
-    found: Evaluation, model: str, notes: Sequence[str], provenance: Mapping[str, str]
+    evaluation: Evaluation, model: str, notes: Sequence[str], provenance: Mapping[str, str]
 ) -> Page:
     """Page of an evaluation.
 
     Args:
-        found: Result of the evaluation.
+        evaluation: Result of the evaluation.
         model: Name of the model's file.
         notes: Sentence for each problem of an input.
         provenance: Version, command, database and configuration by name.
 
     """
     sections: dict[str, list[Part]] = {
-        "Figures": [Table(f"{TITLE}.", COLUMNS, _rows(found), note=MEANING)],
-        "Recording by recording": [_figure(found)],
+        "Figures": [Table(f"{TITLE}.", COLUMNS, _rows(evaluation), note=MEANING)],
+        "Recording by recording": [_figure(evaluation)],
         "Inputs": [Items(notes) if notes else Text("Every row was used.")],
     }
     return Page(
         title="A model on these data",
         lead=f"The model {model} compared with the plain curve.",
-        verdict=[verdict(found)],
+        verdict=[verdict(evaluation)],
         sections=sections,
         provenance=provenance,
     )
 
 
-def _figure(found: Evaluation) -> Figure:
-    together = [found.total] if len(found.recordings) > 1 else []
-    parts = [*found.recordings, *together]
+def _figure(evaluation: Evaluation) -> Figure:
+    together = [evaluation.total] if len(evaluation.recordings) > 1 else []
+    parts = [*evaluation.recordings, *together]
     names = [one.recording or "all" for one in parts]
     bars = {
         "plain curve": [one.plain for one in parts],
@@ -92,16 +92,16 @@ def _figure(found: Evaluation) -> Figure:
     return Figure(f"{TITLE}: lower is better.", data, layout)
 
 
-def _rows(found: Evaluation) -> list[tuple[str, ...]]:
-    several = len(found.surfaces) > len(found.recordings)
+def _rows(evaluation: Evaluation) -> list[tuple[str, ...]]:
+    several = len(evaluation.surfaces) > len(evaluation.recordings)
     rows = []
-    for recording in found.recordings:
+    for recording in evaluation.recordings:
         rows.append(_row(recording.recording, recording))
         if several:
-            own = [one for one in found.surfaces if one.recording == recording.recording]
+            own = [one for one in evaluation.surfaces if one.recording == recording.recording]
             rows += [_row(f"  {_span(one, recording)}", one) for one in own]
-    if len(found.recordings) > 1:
-        rows.append(_row("all", found.total))
+    if len(evaluation.recordings) > 1:
+        rows.append(_row("all", evaluation.total))
     return rows
 
 

@@ -82,7 +82,7 @@ DECISIONS = {
     Decision.NOT_SIGNIFICANT: _Words(
         "not significant", f"noise explains it (limit p = {DiagnosisSettings().alpha:g})"
     ),
-    Decision.IMITATED: _Words("not tested", "the parameters of the curve imitate it"),
+    Decision.NOT_TESTED: _Words("not tested", "the parameters of the curve imitate it"),
 }
 """Each decision for people; JSON has its id."""
 

@@ -18,14 +18,8 @@ from adhesion_can.experiments.figures_of_merit import (
     quartiles,
     rms,
 )
-from adhesion_can.experiments.runs import (
-    ALL_DATA,
-    MU_MAX,
-    ONE_SAMPLE,
-    QUANTITIES,
-    SURFACES,
-    with_peak,
-)
+from adhesion_can.experiments.runs import ALL_DATA, ONE_SAMPLE
+from adhesion_can.experiments.simulated_data import MU_MAX, QUANTITIES, SURFACES, with_peak
 from adhesion_can.reporting.experiment_figures import figures
 from adhesion_can.reporting.experiment_style import PAPERS_OWN
 from adhesion_can.reporting.page import Page, Table, Text

@@ -13,7 +13,7 @@ from adhesion_can.experiments.figures_of_merit import (
     quartiles,
     rms,
 )
-from adhesion_can.experiments.runs import MU_MAX, QUANTITIES, simulate_data
+from adhesion_can.experiments.simulated_data import MU_MAX, QUANTITIES, simulate_data
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.reporting.charts import (
     DARK,

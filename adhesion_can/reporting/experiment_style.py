@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from adhesion_can.experiments.figures_of_merit import EstimatorResult, NoiseLevelResult
-from adhesion_can.experiments.runs import QUANTITIES
+from adhesion_can.experiments.simulated_data import QUANTITIES
 from adhesion_can.reporting.charts import Trace
 
 PAPERS_OWN: Mapping[int, str] = {1: "paper (sequence)", 2: "paper (ordinary)", 3: "paper (mean)"}

@@ -83,8 +83,8 @@ class ObjectionLog:
         """Longest stretch of the objection that comes first; None where none lasts."""
         lasting = (one for one, share in self.shares.items() if _lasts(one, share))
         objection = next(lasting, None)
-        own = (one for one in self._stretches if one.objection is objection)
-        return max(own, key=lambda one: one.seconds, default=None)
+        of_objection = (one for one in self._stretches if one.objection is objection)
+        return max(of_objection, key=lambda one: one.seconds, default=None)
 
     @property
     def times(self) -> TimeScale:

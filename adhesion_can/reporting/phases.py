@@ -54,7 +54,7 @@ class Phase:
         mu_max = self.last.setpoint.mu_max if self.last else None
         return None if mu_max is None else mu_max / float(self.truth["mu_max"]) - 1.0
 
-    def as_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Entry for `--json`."""
         point = self.last.setpoint if self.last else None
         return {

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adhesion_can.bus.database import CanDatabase
-from adhesion_can.files import file_sha256
+from adhesion_can.input_files import file_sha256
 from adhesion_can.version import __version__
 
 if TYPE_CHECKING:

@@ -22,15 +22,17 @@ INTERFACES = Path("/sys/class/net")
 
 def socket_of(bus: can.BusABC) -> socket.socket | None:
     """Socket behind a bus; None where the interface has none that it shows, as SocketCAN does."""
-    found = getattr(bus, "socket", None)
-    return found if isinstance(found, socket.socket) else None
+    bus_socket = getattr(bus, "socket", None)
+    return bus_socket if isinstance(bus_socket, socket.socket) else None
 
 
 def enlarge_buffer(bus: can.BusABC) -> None:
     """Ask for a receive buffer that outlasts a pause of this process."""
-    own = socket_of(bus)
-    if own is not None and own.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) < BUFFER_BYTES:
-        own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    bus_socket = socket_of(bus)
+    if bus_socket is None:
+        return
+    if bus_socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) < BUFFER_BYTES:
+        bus_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
 
 
 def count_drops(bus: can.BusABC) -> int | None:
@@ -38,15 +40,15 @@ def count_drops(bus: can.BusABC) -> int | None:
 
     The kernel counts modulo 2³². None where it gives no count: another system, or no socket.
     """
-    own = socket_of(bus)
-    if own is None or sys.platform != "linux":
+    bus_socket = socket_of(bus)
+    if bus_socket is None or sys.platform != "linux":
         return None
     try:
-        told = own.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size)
+        info = bus_socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size)
     except OSError:
         # A kernel before 4.12, or a closed socket.
         return None
-    return int(MEMINFO.unpack(told)[DROPS]) if len(told) == MEMINFO.size else None
+    return int(MEMINFO.unpack(info)[DROPS]) if len(info) == MEMINFO.size else None
 
 
 def count_unsent(bus: can.BusABC) -> int | None:
@@ -55,10 +57,10 @@ def count_unsent(bus: can.BusABC) -> int | None:
     So the kernel does with an adapter that only listens, and the sender does not learn of it. None
     where the bus is no SocketCAN interface.
     """
-    own = socket_of(bus)
-    if own is None or own.family != getattr(socket, "AF_CAN", None):
+    bus_socket = socket_of(bus)
+    if bus_socket is None or bus_socket.family != getattr(socket, "AF_CAN", None):
         return None
-    (name, *_) = own.getsockname()
+    (name, *_) = bus_socket.getsockname()
     return read_unsent(name)
 
 

@@ -13,12 +13,12 @@ PROTECTION = ("Crc", "Alive")
 _PROTECTED_BITS = 0xFFF
 
 
-def require_layout(message: Message, own: Message, where: str) -> None:
+def require_layout(message: Message, packaged: Message, where: str) -> None:
     """Refuse a message that would carry other values than those sent, or fail while sending.
 
     Args:
         message: Message of the user's database.
-        own: Message of that name in the package's own database.
+        packaged: Message of that name in the package's own database.
         where: File and message, for the error.
 
     Raises:
@@ -28,7 +28,9 @@ def require_layout(message: Message, own: Message, where: str) -> None:
     if message.length < 2:
         raise DatabaseError(where, "no room for checksum and counter", "give it 8 bytes")
     present = {signal.name: signal for signal in message.signals}
-    pairs = [(present[signal.name], signal) for signal in own.signals if signal.name in present]
+    pairs = [
+        (present[signal.name], signal) for signal in packaged.signals if signal.name in present
+    ]
     for signal, original in pairs:
         obstacle = find_obstacle(signal, message)
         if obstacle:
@@ -39,7 +41,7 @@ def require_layout(message: Message, own: Message, where: str) -> None:
                 f"its signal {signal.name} is multiplexed differently from the one that is sent",
                 f"write {_page_text(original)}",
             )
-    plan, own_plan = MessagePlan(message), MessagePlan(own)
+    plan, own_plan = MessagePlan(message), MessagePlan(packaged)
     for signal, original in pairs:
         if signal.name in PROTECTION:
             _require_protection(plan.signals[signal.name], own_plan.signals[signal.name], where)
@@ -60,18 +62,19 @@ def _page_text(signal: Signal) -> str:
     return f"SG_ {signal.name}{' M' if signal.is_multiplexer else number}"
 
 
-def _require_protection(plan: SignalPlan, own: SignalPlan, where: str) -> None:
+def _require_protection(plan: SignalPlan, packaged: SignalPlan, where: str) -> None:
     """DatabaseError where receivers would look for checksum or counter in another place."""
     scaling = plan.is_float, plan.signed, plan.scale, plan.offset
-    if _bits(plan) != _bits(own) or scaling != (False, False, 1, 0):
+    if _bits(plan) != _bits(packaged) or scaling != (False, False, 1, 0):
         raise DatabaseError(
             where,
             f"its signal {plan.name} has another position than the one that is sent",
-            f"start it at bit {own.shift} with {own.length} bits, no sign, factor 1 and offset 0",
+            f"start it at bit {packaged.shift} with {packaged.length} bits, no sign, factor 1 and "
+            "offset 0",
         )
 
 
-def _require_values(plan: SignalPlan, own: SignalPlan, where: str) -> None:
+def _require_values(plan: SignalPlan, packaged: SignalPlan, where: str) -> None:
     """DatabaseError where a signal has no room for 'not available', or for each of a few numbers.
 
     Values beyond the range of a signal saturate: a status would be another one.
@@ -80,7 +83,7 @@ def _require_values(plan: SignalPlan, own: SignalPlan, where: str) -> None:
         raise DatabaseError(
             where, f"its signal {plan.name} has the factor 0", "give it another factor"
         )
-    if own.not_available is not None:
+    if packaged.not_available is not None:
         if plan.not_available is None:
             raise DatabaseError(
                 where,
@@ -88,12 +91,12 @@ def _require_values(plan: SignalPlan, own: SignalPlan, where: str) -> None:
                 "make it an integer of 8 bits or more",
             )
         return
-    for number in range(int(own.minimum or 0), int(own.maximum or 0) + 1):
+    for number in range(int(packaged.minimum or 0), int(packaged.maximum or 0) + 1):
         if plan.is_float or plan.value(plan.raw(plan.encode(float(number)))) != number:
             raise DatabaseError(
                 where,
                 f"its signal {plan.name} cannot carry {number}",
-                f"give it {own.length} bits without a sign, factor 1 and offset 0",
+                f"give it {packaged.length} bits without a sign, factor 1 and offset 0",
             )
 
 

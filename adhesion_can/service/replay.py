@@ -73,7 +73,7 @@ def replay_blocks(
 
     """
     summary, columns = ReplaySummary(), ColumnReplay(core)
-    own = np.array(
+    output_ids = np.array(
         [number | EXTENDED if extended else number for number, extended in core.messages.ids],
         dtype=np.uint32,
     )
@@ -89,7 +89,7 @@ def replay_blocks(
         rows = block.select(np.flatnonzero(since_s[:end] >= from_s))
         is_frame = rows.kind <= Kind.ERROR
         _count_frames(summary, rows.t_us[is_frame])
-        ours = rows.is_data & np.isin(rows.key, own)
+        ours = rows.is_data & np.isin(rows.key, output_ids)
         summary.own_skipped += int(ours.sum())
         for frame in columns.process(rows.select(~ours)):
             summary.sent += 1
@@ -127,7 +127,7 @@ def replay(
 
     """
     summary = ReplaySummary()
-    own = core.messages.ids
+    output_ids = core.messages.ids
     origin: int | None = None
     began = time.monotonic()
     for item in items:
@@ -141,7 +141,7 @@ def replay(
             break
         if realtime:
             time.sleep(max(0.0, since_s - from_s - (time.monotonic() - began)))
-        for frame in _step(item, core, own, summary):
+        for frame in _step(item, core, output_ids, summary):
             summary.sent += 1
             send(frame)
     return summary
@@ -157,10 +157,10 @@ def with_answers(items: Iterable[Frame | Mark], core: ServiceCore) -> Iterator[F
         core: Fresh core.
 
     """
-    summary, own = ReplaySummary(), core.messages.ids
+    summary, output_ids = ReplaySummary(), core.messages.ids
     for item in items:
         skipped = summary.own_skipped
-        yield from _step(item, core, own, summary)
+        yield from _step(item, core, output_ids, summary)
         if isinstance(item, Frame) and summary.own_skipped == skipped:
             yield item
 
@@ -168,7 +168,7 @@ def with_answers(items: Iterable[Frame | Mark], core: ServiceCore) -> Iterator[F
 def _step(
     item: Frame | Mark,
     core: ServiceCore,
-    own: frozenset[tuple[int, bool]],
+    output_ids: frozenset[tuple[int, bool]],
     summary: ReplaySummary,
 ) -> list[Frame]:
     if isinstance(item, Mark):
@@ -182,7 +182,7 @@ def _step(
     if summary.first_us is None:
         summary.first_us = item.t_us
     summary.last_us = item.t_us
-    if item.is_data and (item.arbitration_id, item.is_extended) in own:
+    if item.is_data and (item.arbitration_id, item.is_extended) in output_ids:
         summary.own_skipped += 1
         return []
     return core.feed(item)

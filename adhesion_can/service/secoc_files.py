@@ -7,7 +7,8 @@ from pathlib import Path
 
 from adhesion_can.bus.secoc import KEY_BYTES, MOST_TRIPS
 from adhesion_can.errors import InputError
-from adhesion_can.files import read_small_file, regular_file, whole_file
+from adhesion_can.files import whole_file
+from adhesion_can.input_files import read_small_file, regular_file
 from adhesion_can.service.file_lock import file_lock
 
 _MOST_BYTES = 256

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.files import regular_file
+from adhesion_can.input_files import regular_file
 from adhesion_can.service.kept_state import (
     LARGEST_TEXT,
     KeptState,

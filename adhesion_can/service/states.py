@@ -1,7 +1,7 @@
 """States of the service: conditions, their priorities, and the timers that they depend on.
 
 The status follows from the conditions that hold at a due time, whatever the status was before:
-the first row of `TRANSITIONS` whose condition holds gives it. `VALUES` gives the origin of
+the first row of `STATUS_RULES` whose condition holds gives it. `VALUES` gives the origin of
 the setpoints' numbers in each status. `StatusMachine` owns the timers:
 
 | timer | started by | effect |
@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.config import ServiceSettings
-from adhesion_can.estimation.tracker.layout import SURE
+from adhesion_can.estimation.tracker.layout import CERTAIN_STDS
 from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.estimate import CHANGED, Estimate
 from adhesion_can.physics.objection import Objection
@@ -52,8 +52,8 @@ class Values(Enum):
     NOT_AVAILABLE = auto()
 
 
-class Conditions(NamedTuple):
-    """Conditions that decide on the status, at one due time.
+class StatusConditions(NamedTuple):
+    """StatusConditions that decide on the status, at one due time.
 
     Attributes:
         fault: Whether the estimator failed, or another service sent the same messages, less than
@@ -73,7 +73,7 @@ class Conditions(NamedTuple):
     low_excitation: bool = False
 
 
-class Transition(NamedTuple):
+class StatusRule(NamedTuple):
     """Row of the table of states.
 
     Attributes:
@@ -82,17 +82,17 @@ class Transition(NamedTuple):
 
     """
 
-    condition: Callable[[Conditions], bool]
+    condition: Callable[[StatusConditions], bool]
     status: Status
 
 
-TRANSITIONS: tuple[Transition, ...] = (
-    Transition(lambda conditions: conditions.fault, Status.FAULT),
-    Transition(lambda conditions: conditions.stale, Status.STALE_INPUT),
-    Transition(lambda conditions: conditions.no_estimate, Status.INIT),
-    Transition(lambda conditions: conditions.surface_change, Status.SURFACE_CHANGE),
-    Transition(lambda conditions: conditions.low_excitation, Status.LOW_EXCITATION),
-    Transition(lambda _: True, Status.TRACKING),
+STATUS_RULES: tuple[StatusRule, ...] = (
+    StatusRule(lambda conditions: conditions.fault, Status.FAULT),
+    StatusRule(lambda conditions: conditions.stale, Status.STALE_INPUT),
+    StatusRule(lambda conditions: conditions.no_estimate, Status.INIT),
+    StatusRule(lambda conditions: conditions.surface_change, Status.SURFACE_CHANGE),
+    StatusRule(lambda conditions: conditions.low_excitation, Status.LOW_EXCITATION),
+    StatusRule(lambda _: True, Status.TRACKING),
 )
 """Table of states in descending order of priority."""
 
@@ -107,9 +107,9 @@ VALUES: dict[Status, Values] = {
 """Origin of the setpoints' numbers in each status."""
 
 
-def select_status(conditions: Conditions) -> Status:
-    """Status by the first row of `TRANSITIONS` whose condition holds."""
-    return next(row.status for row in TRANSITIONS if row.condition(conditions))
+def select_status(conditions: StatusConditions) -> Status:
+    """Status by the first row of `STATUS_RULES` whose condition holds."""
+    return next(row.status for row in STATUS_RULES if row.condition(conditions))
 
 
 class UsableLimits(NamedTuple):
@@ -207,7 +207,7 @@ class StatusMachine:
             return  # what efforts or loads say of the others is no better
         # Of a wheel that rolls the error of the vehicle speed, which all axles share, makes a slip.
         usable = believed & is_valid(samples, limits.slip_max)
-        usable &= adhesion > SURE * np.sqrt(samples.adhesion_var)
+        usable &= adhesion > CERTAIN_STDS * np.sqrt(samples.adhesion_var)
         least = min(LEAST_USABLE, len(samples))
         if np.count_nonzero(usable) < least:
             return
@@ -244,7 +244,7 @@ class StatusMachine:
         objected = estimate is not None and estimate.objection is not Objection.NONE
         identifiable = estimate is not None and estimate.identifiable.both
         return select_status(
-            Conditions(
+            StatusConditions(
                 fault=t_us < self._fault_until_us,
                 stale=stale,
                 no_estimate=estimate is None,

@@ -84,12 +84,12 @@ def drive_of(
     largest = min(usual.effort_max * vehicle.relative_load, limits.effort_max)
     traction = braking = largest
     notes: tuple[str, ...] = ()
-    for found in effort_ranges(messages):
-        if (room := found.high - NOISE_ROOM * noise.effort) < traction:
-            traction, notes = room, (_describe_limit(found, room, vehicle),)
-        braking = min(braking, max(-found.low - NOISE_ROOM * noise.effort, 0.0))
+    for limit in effort_ranges(messages):
+        if (room := limit.high - NOISE_ROOM * noise.effort) < traction:
+            traction, notes = room, (_describe_limit(limit, room, vehicle),)
+        braking = min(braking, max(-limit.low - NOISE_ROOM * noise.effort, 0.0))
         if not traction > 0:
-            raise no_room_error(found.signal, "traction")
+            raise no_room_error(limit.signal, "traction")
     settings = replace(
         usual,
         gain=usual.gain * inertia,
@@ -135,10 +135,10 @@ def scenario_of(
     fastest = limits.speed_max
     is_default = fastest == PlanLimits().speed_max
     reason = f"speed_max {'(default of [limits])' if is_default else 'in [limits]'}"
-    for found in speed_ranges(vehicle, messages, slip_high):
-        if found.high < fastest:
-            signal = found.signal
-            fastest, reason = found.high, f"the range of {signal.name} ({describe_ends(signal)})"
+    for limit in speed_ranges(vehicle, messages, slip_high):
+        if limit.high < fastest:
+            signal = limit.signal
+            fastest, reason = limit.high, f"the range of {signal.name} ({describe_ends(signal)})"
             if fastest / scenario.top_speed * scenario.speed < SLOWEST_RUN:
                 raise no_room_error(signal, f"a mean speed of {3.6 * SLOWEST_RUN:g} km/h")
     pace = fastest / scenario.top_speed
@@ -180,15 +180,15 @@ def speed_ranges(
 
     """
     noise = SensorNoiseSettings()
-    for found in _ranges(messages, Role.VEHICLE_SPEED):
-        yield found._replace(high=found.high - NOISE_ROOM * noise.vehicle_speed)
-    for found in _ranges(messages, Role.WHEEL_SPEED):
-        radius, most = vehicle.wheel_radius[found.signal.axle - 1], (1.0 + slip_high)
-        yield found._replace(high=found.high * radius / (most * (1.0 + OVERSHOOT)))
+    for limit in _ranges(messages, Role.VEHICLE_SPEED):
+        yield limit._replace(high=limit.high - NOISE_ROOM * noise.vehicle_speed)
+    for limit in _ranges(messages, Role.WHEEL_SPEED):
+        radius, most = vehicle.wheel_radius[limit.signal.axle - 1], (1.0 + slip_high)
+        yield limit._replace(high=limit.high * radius / (most * (1.0 + OVERSHOOT)))
 
 
-def _describe_limit(found: QuantityRange, effort: float, vehicle: Locomotive) -> str:
-    signal = found.signal
+def _describe_limit(limit: QuantityRange, effort: float, vehicle: Locomotive) -> str:
+    signal = limit.signal
     share = effort / fmean(vehicle.axle_load)
     return (
         f"efforts are up to {effort / 1e3:.3g} kN, by the range of {signal.name} "

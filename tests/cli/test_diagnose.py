@@ -15,7 +15,7 @@ from adhesion_can.cli.main import build_parser, main
 from adhesion_can.config.model_file import read_model
 from adhesion_can.diagnosis.result import Verdict
 from adhesion_can.extras import install_extra
-from adhesion_can.files import file_sha256
+from adhesion_can.input_files import file_sha256
 from tests.reporting.test_diagnosis_report import (
     SECTIONS,
     empty,

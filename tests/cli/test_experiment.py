@@ -17,7 +17,7 @@ import pytest
 
 from adhesion_can.cli import experiment as command
 from adhesion_can.cli.main import main
-from adhesion_can.experiments.runs import EXPERIMENTS, QUANTITIES
+from adhesion_can.experiments.simulated_data import EXPERIMENTS, QUANTITIES
 from adhesion_can.extras import install_extra
 from tests.reporting.test_page import Elements, nothing_is_loaded
 

@@ -30,7 +30,7 @@ from adhesion_can.physics.status import Status
 from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import blocks_in_sequence
-from adhesion_can.reporting.terminal.plain import as_json, plain_line
+from adhesion_can.reporting.terminal.plain import plain_line, snapshot_document
 from adhesion_can.service.bus_listener import EVERY_ID, BusListener
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
@@ -190,7 +190,7 @@ def test_a_service_that_ends_says_so(tmp_path):
         assert (shown.service.is_silent, shown.service.has_ended) == (True, signed_off)
         line = plain_line(shown)
         assert ("(ended)" in line, "(silent)" in line) == (signed_off, not signed_off)
-        assert as_json(shown)["ended"] is signed_off
+        assert snapshot_document(shown)["ended"] is signed_off
 
 
 def test_late_in_a_recording_it_begins_some_seconds_before(tmp_path):

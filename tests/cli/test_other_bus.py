@@ -10,8 +10,8 @@ from adhesion_can.bus.database import packaged_path
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import RecordingError
-from adhesion_can.files import file_sha256
 from adhesion_can.fleet.analysis import analyse
+from adhesion_can.input_files import file_sha256
 
 READERS = (
     "replay",

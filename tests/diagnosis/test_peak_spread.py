@@ -12,7 +12,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.physics.curves import FAMILIES, Conditions
-from adhesion_can.physics.effects.falling_friction import FallingFriction
+from adhesion_can.physics.effects import effect_by_id
 from tests.diagnosis.diagnosis_helpers import C1, C2, C3, burckhardt
 
 AT = Conditions(12.0, 200e3)
@@ -22,7 +22,8 @@ PLAIN = Model(SegmentCurves.from_parameters(BURCKHARDT, np.array([[C1, C2, C3]])
 def test_the_peak_is_that_of_the_curve_times_its_falling_friction():
     grid = np.linspace(1e-4, 0.5, 200_001)
     for c4 in (0.0, 0.3):
-        model = PLAIN.with_effect(Candidate(FallingFriction()), (c4,)) if c4 else PLAIN
+        falling = Candidate(effect_by_id("falling_friction"))
+        model = PLAIN.with_effect(falling, (c4,)) if c4 else PLAIN
         wanted = burckhardt(grid) * np.exp(-c4 * 12.0 * grid)
         mu_max, lambda_m = find_peak_with_friction(model, 0, AT)
         assert mu_max == pytest.approx(wanted.max(), rel=1e-4)

@@ -25,15 +25,17 @@ from adhesion_can.experiments.figures_of_merit import (
     rms,
 )
 from adhesion_can.experiments.runs import (
+    cramer_rao_bound,
+    participants,
+    run_once,
+    updates_until_settled,
+)
+from adhesion_can.experiments.simulated_data import (
     EXPERIMENTS,
     MU_MAX,
     QUANTITIES,
     SURFACES,
-    cramer_rao_bound,
-    participants,
-    run_once,
     simulate_data,
-    updates_until_settled,
     with_peak,
 )
 from adhesion_can.physics.estimate import Estimate, Identifiable

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from adhesion_can.config import load_configuration
-from adhesion_can.files import file_sha256
 from adhesion_can.fleet.analysis import Analysis, analyse
 from adhesion_can.fleet.schema import STEPS, TABLES, UNITS
 from adhesion_can.fleet.unit_sources import day_of
 from adhesion_can.fleet.units import Unit
 from adhesion_can.fleet.work import hash_settings, hash_unit
+from adhesion_can.input_files import file_sha256
 from adhesion_can.offline.extract_samples import extract_samples
 from adhesion_can.offline.load_traces import load_traces
 from adhesion_can.offline.scan import scan

@@ -10,12 +10,12 @@ from adhesion_can.calibration.coasting import CoastingTimes
 from adhesion_can.calibration.fit import AxleRadius, CalibratedQuantity, Calibration
 from adhesion_can.config import load_configuration
 from adhesion_can.config.calibrated_radii import rim_axles, with_radii
-from adhesion_can.files import file_sha256
 from adhesion_can.fleet.analysis import analyse
 from adhesion_can.fleet.calibrated_radii import choose_radii
 from adhesion_can.fleet.read_evidence import unit_evidence
 from adhesion_can.fleet.rows import calibration_fields
 from adhesion_can.fleet.schema import UNITS
+from adhesion_can.input_files import file_sha256
 from adhesion_can.physics.readings import Role
 from tests.worlds.fleet import HIDDEN, WEAR, FleetDrive, write_drive
 from tests.worlds.hidden import Hidden

@@ -14,7 +14,6 @@ from distributed import LocalCluster
 
 from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
-from adhesion_can.files import file_sha256
 from adhesion_can.fleet import run
 from adhesion_can.fleet.analysis import analyse
 from adhesion_can.fleet.cluster import open_cluster
@@ -23,6 +22,7 @@ from adhesion_can.fleet.plan import make_plan
 from adhesion_can.fleet.schema import STEPS, TABLES
 from adhesion_can.fleet.units import find_units
 from adhesion_can.fleet.work import is_current
+from adhesion_can.input_files import file_sha256
 from tests.fleet.tables import TIMES, rows, units
 from tests.fleet.workers import do_nothing, work_until_deadly
 

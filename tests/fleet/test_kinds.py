@@ -7,13 +7,13 @@ import pytest
 
 from adhesion_can.config import load_configuration
 from adhesion_can.diagnosis.effect_grams import EffectGrams
-from adhesion_can.files import file_sha256
 from adhesion_can.fleet.analysis import analyse
 from adhesion_can.fleet.evidence import UnitEvidence, VehicleForm
 from adhesion_can.fleet.findings import Scope
 from adhesion_can.fleet.kinds import find_kinds
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from adhesion_can.fleet.work import hash_vehicle_data
+from adhesion_can.input_files import file_sha256
 from tests.fleet.synthetic_units import NAMES, SIZE, Fleet
 
 LOCOMOTIVE, BUS = VehicleForm("recordings", 6, "a"), VehicleForm("TABLEs", 1, "b")

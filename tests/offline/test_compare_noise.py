@@ -59,7 +59,7 @@ def test_noise_far_below_the_configured_one_is_a_warning_too(seed):
 
 
 def test_json_has_both_noises_and_those_of_the_axles():
-    document = check([drive(1)], CONFIG).as_json()
+    document = check([drive(1)], CONFIG).to_dict()
     noise = document["noise"]["wheel_speed_std"]
     assert noise["configured"] == 0.005
     assert noise["unit"] == "rad/s"

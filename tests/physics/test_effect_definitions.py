@@ -2,6 +2,7 @@
 
 import ast
 import math
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -90,6 +91,11 @@ class TestEach(EffectSuite):
     @pytest.fixture(autouse=True, params=EFFECTS, ids=named)
     def choose(self, request):
         self.effect = request.param
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=named)
+def test_an_effect_goes_to_other_processes(effect):
+    assert pickle.loads(pickle.dumps(effect)) == effect  # noqa: S301  our own bytes
 
 
 def test_forms_of_a_mechanism_agree_on_what_they_require_and_how_they_show():

@@ -18,7 +18,8 @@ import pytest
 from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import AdhesionCanError, InputError, RecordingError
-from adhesion_can.files import file_sha256, whole_file
+from adhesion_can.files import whole_file
+from adhesion_can.input_files import file_sha256
 from adhesion_can.recordings import python_can_readers
 from adhesion_can.recordings import recording as recordings
 from adhesion_can.recordings.candump import format_frame

@@ -12,7 +12,8 @@ from adhesion_can.experiments.figures_of_merit import (
     NoiseLevelResult,
     compute_figures,
 )
-from adhesion_can.experiments.runs import EXPERIMENTS, cramer_rao_bound
+from adhesion_can.experiments.runs import cramer_rao_bound
+from adhesion_can.experiments.simulated_data import EXPERIMENTS
 from adhesion_can.reporting.experiment import csv_rows, document, merit_table, page, verdict
 from adhesion_can.reporting.experiment_figures import figures
 from adhesion_can.reporting.experiment_style import PAPERS_OWN, SHOWN

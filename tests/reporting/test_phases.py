@@ -32,9 +32,9 @@ def headings(table):
 
 
 def test_json_has_the_doubt_at_the_end_of_each_surface():
-    documents = [phase.as_json() for phase in found([Doubt.RATE_OF_SLIP, Doubt.NONE])]
+    documents = [phase.to_dict() for phase in found([Doubt.RATE_OF_SLIP, Doubt.NONE])]
     assert [document["doubt"] for document in documents] == ["rate_of_slip", "none", None]
-    assert found([Doubt.NOT_AVAILABLE])[0].as_json()["doubt"] is None
+    assert found([Doubt.NOT_AVAILABLE])[0].to_dict()["doubt"] is None
 
 
 @pytest.mark.parametrize("doubt", [Doubt.NONE, Doubt.NOT_AVAILABLE])

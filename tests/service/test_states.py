@@ -13,9 +13,9 @@ from adhesion_can.physics.samples import Sample, Samples
 from adhesion_can.physics.status import Status
 from adhesion_can.service.states import (
     FAULT_HOLD_US,
-    TRANSITIONS,
+    STATUS_RULES,
     VALUES,
-    Conditions,
+    StatusConditions,
     StatusMachine,
     UsableLimits,
     select_status,
@@ -42,14 +42,14 @@ def test_the_first_condition_that_holds_is_the_status(pattern):
     order = ["fault", "stale", "no_estimate", "surface_change", "low_excitation"]
     expected_of = ["FAULT", "STALE_INPUT", "INIT", "SURFACE_CHANGE", "LOW_EXCITATION"]
     held = [bool(pattern >> i & 1) for i in range(5)]
-    conditions = Conditions(**dict(zip(order, held, strict=True)))
+    conditions = StatusConditions(**dict(zip(order, held, strict=True)))
     expected = expected_of[held.index(True)] if any(held) else "TRACKING"
     assert select_status(conditions).name == expected
-    assert [row.status.name for row in TRANSITIONS] == [*expected_of, "TRACKING"]
+    assert [row.status.name for row in STATUS_RULES] == [*expected_of, "TRACKING"]
 
 
 def test_every_status_has_a_row_and_an_origin_of_its_values():
-    assert sorted(row.status for row in TRANSITIONS) == sorted(Status) == sorted(VALUES)
+    assert sorted(row.status for row in STATUS_RULES) == sorted(Status) == sorted(VALUES)
 
 
 def test_each_status_has_the_number_that_the_database_gives_it():
@@ -61,13 +61,13 @@ def test_each_status_has_the_number_that_the_database_gives_it():
 
 
 def test_a_condition_that_nobody_states_does_not_hold():
-    assert select_status(Conditions()) is Status.TRACKING
-    assert select_status(Conditions(low_excitation=True)) is Status.LOW_EXCITATION
+    assert select_status(StatusConditions()) is Status.TRACKING
+    assert select_status(StatusConditions(low_excitation=True)) is Status.LOW_EXCITATION
 
 
 def test_conditions_stay_as_they_were_judged():
     with pytest.raises(AttributeError):
-        Conditions().fault = True
+        StatusConditions().fault = True
 
 
 def test_without_an_estimate_the_status_is_init_and_with_one_tracking():

@@ -87,7 +87,7 @@ def test_the_check_of_a_recording_tells_a_stuck_signal(tmp_path):
     result = check(blocks, load_configuration())
     (told,) = [one for one in result.failures if "stuck" in one]
     assert told.startswith("VehicleSpeed (0x111): ")
-    readings = next(m["stuck"] for m in result.as_json()["messages"] if m["name"] == "VehicleSpeed")
+    readings = next(m["stuck"] for m in result.to_dict()["messages"] if m["name"] == "VehicleSpeed")
     assert 0.9 < readings / (50 * (UNTIL_S - FROM_S)) < 1.0
     assert f"{readings} readings" in told
 

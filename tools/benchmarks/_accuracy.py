@@ -12,14 +12,8 @@ from adhesion_can.estimation.registry import ESTIMATORS, oracle
 from adhesion_can.estimation.tracker.settings import MemorySettings, TrackerSettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.experiments.figures_of_merit import collect_runs, compute_figures, rms
-from adhesion_can.experiments.runs import (
-    EXPERIMENTS,
-    MU_MAX,
-    QUANTITIES,
-    SURFACES,
-    participants,
-    run_once,
-)
+from adhesion_can.experiments.runs import participants, run_once
+from adhesion_can.experiments.simulated_data import EXPERIMENTS, MU_MAX, QUANTITIES, SURFACES
 from adhesion_can.physics.burckhardt import adhesion, peak
 
 LAMBDA_M = QUANTITIES.index("lambda_m")

@@ -11,7 +11,7 @@ from _report import aside, over_cores
 
 from adhesion_can.estimation.tracker.settings import RunLengthSettings
 from adhesion_can.estimation.tracker.tracker import Tracker
-from adhesion_can.experiments.runs import RATE_HZ, SURFACES
+from adhesion_can.experiments.simulated_data import RATE_HZ, SURFACES
 from adhesion_can.physics.burckhardt import RAIL, adhesion
 from adhesion_can.physics.samples import Samples
 

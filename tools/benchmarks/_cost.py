@@ -14,7 +14,7 @@ from adhesion_can.estimation.baselines.settings import EvolutionSettings
 from adhesion_can.estimation.differential_evolution import search
 from adhesion_can.estimation.registry import EstimatorSettings, make_default
 from adhesion_can.estimation.tracker.tracker import Tracker
-from adhesion_can.experiments.runs import SURFACES
+from adhesion_can.experiments.simulated_data import SURFACES
 from adhesion_can.physics.burckhardt import RAIL
 
 DRIVE_S = 40.0

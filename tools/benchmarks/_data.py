@@ -4,7 +4,7 @@ import numpy as np
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.tracker.tracker import Tracker
-from adhesion_can.experiments.runs import RATE_HZ
+from adhesion_can.experiments.simulated_data import RATE_HZ
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.samples import Samples
 from adhesion_can.service.core import ServiceCore

@@ -35,7 +35,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegres
 from adhesion_can.estimation.compare_directions import share_opposite
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.effects import acts_in_contact
-from adhesion_can.physics.effects.falling_friction import FALLING_FRICTION
+from adhesion_can.physics.effects.contact_factors import FALLING_FRICTION
 
 OTHERS: tuple[CurveFamily, ...] = tuple(
     FAMILIES[name] for name in ("polach", "magic_formula", "free")
@@ -105,10 +105,14 @@ def choose_families(findings: Findings, fits: Sequence[ScoredFamily]) -> list[Fa
 
     """
     plain, best = findings.selection.plain, findings.selection.best
-    ranked = sorted(fits[1:], key=lambda fit: fit.square)
-    limit = (1.0 + LARGEST_LOSS) ** 2 * ranked[0].square
-    formulas = [family for family in ranked if family.square <= limit and family.family is not FREE]
-    formulas.sort(key=lambda one: one.scored.square)
+    ranked = sorted(fits[1:], key=lambda fit: fit.cross_validated_square)
+    limit = (1.0 + LARGEST_LOSS) ** 2 * ranked[0].cross_validated_square
+    formulas = [
+        family
+        for family in ranked
+        if family.cross_validated_square <= limit and family.family is not FREE
+    ]
+    formulas.sort(key=lambda one: one.scored.cross_validated_square)
     chosen = [*formulas[:1], *(family for family in ranked[:1] if family not in formulas[:1])]
 
     def most_effects(scored: ScoredFamily) -> int | None:
@@ -135,8 +139,8 @@ def drop_doubtful_effects(shaped: Findings) -> Findings:
     best, plain = shaped.selection.best, shaped.selection.plain
     worth = best.rmse < (1.0 - SECOND_LEAST_GAIN) * plain.rmse
     # Where the curve is steep, the RMSE is that of the slip's noise: whoever averages it gains.
-    square = plain.square
-    worth &= best.square < (1.0 - BESIDE_SHAPE) * square
+    square = plain.cross_validated_square
+    worth &= best.cross_validated_square < (1.0 - BESIDE_SHAPE) * square
     if worth and all(shaped.p_value(c) <= shaped.alpha for c in best.candidates):
         return shaped
     return shaped.with_best(plain)
@@ -181,10 +185,10 @@ def _fit(regression: WhitenedRegression, model: Model) -> ScoredModel:
 
 def _is_worth(small: ScoredModel, large: ScoredModel) -> bool:
     """Whether a gain is large enough to matter, significant or not."""
-    square = small.square
+    square = small.cross_validated_square
     return (
         large.rmse < (1.0 - LEAST_GAIN) * small.rmse
-        and large.square < (1.0 - LEAST_WHITENED_GAIN) * square
+        and large.cross_validated_square < (1.0 - LEAST_WHITENED_GAIN) * square
     )
 
 

@@ -47,7 +47,7 @@ def with_delay_for_lag(
         delays: Delays of signals that could be tested.
 
     """
-    model, square = best.model, best.square
+    model, square = best.model, best.cross_validated_square
     speed = float(np.median(regression.data.observed("speed")))
     for place, lag in enumerate(model.candidates):
         if not (lag.is_lag and acts_in_contact(lag.effect)):
@@ -80,7 +80,7 @@ def with_longer_delay(regression: WhitenedRegression, best: ScoredModel) -> Scor
         best: Fitted model with the delays.
 
     """
-    model, square = best.model, best.square
+    model, square = best.model, best.cross_validated_square
     for place, delay in enumerate(model.candidates):
         if not delay.is_lag or acts_in_contact(delay.effect):
             continue

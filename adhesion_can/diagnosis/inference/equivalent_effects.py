@@ -16,8 +16,8 @@ from adhesion_can.diagnosis.inference.propose_effects import propose_effects
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
+from adhesion_can.physics.effects.contact_factors import LOAD_DEPENDENCE
 from adhesion_can.physics.effects.effort_gain import EFFORT_GAIN
-from adhesion_can.physics.effects.load_dependence import LOAD_DEPENDENCE
 
 LEAST_COSINE = 0.95
 """Cosine of two signatures, curves projected out, from which they count as the same."""
@@ -40,7 +40,7 @@ def find_equivalent_effects(findings: Findings, candidate: Candidate) -> tuple[s
     place = best.candidates.index(candidate)
     smaller = fit_model(regression, remove_effect(best.model, place)[0])
     square = smaller.cross_validated_square
-    explained = square - best.square
+    explained = square - best.cross_validated_square
     fits = (
         fit_and_score(regression, proposal.model)
         for proposal in propose_effects(regression, smaller.model, alike)
@@ -69,5 +69,5 @@ def _id_of_last(scored: ScoredModel) -> str:
 
 def _is_equal(scored: ScoredModel, square: float, explained: float) -> bool:
     """Whether a plausible model explains as much as the named effect does."""
-    gain = square - scored.square
+    gain = square - scored.cross_validated_square
     return scored.is_plausible and gain >= EQUAL_GAIN * explained

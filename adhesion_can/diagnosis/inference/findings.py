@@ -159,7 +159,7 @@ class Findings:
         # The fit of the search may be better, or at a minimum that the model has left since.
         known = self.fitted_with(rest)
         if known is not None:
-            without = min(known, without, key=lambda model: model.square)
+            without = min(known, without, key=lambda model: model.cross_validated_square)
         return self.with_best(without)
 
     def with_best(self, best: ScoredModel) -> "Findings":

@@ -11,13 +11,13 @@ from adhesion_can.diagnosis.inference.model_comparison import LEVEL, worse_p_val
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
-from adhesion_can.physics.effects.load_dependence import LOAD_DEPENDENCE
+from adhesion_can.physics.effects.contact_factors import LOAD_DEPENDENCE
+from adhesion_can.physics.effects.instrument_errors import SPEED_SCALE
 from adhesion_can.physics.effects.speed_error import (
     GROWING_SPEED_ERROR,
     SPEED_ERROR,
     STEPPED_SPEED_ERROR,
 )
-from adhesion_can.physics.effects.speed_scale import SPEED_SCALE
 
 AS_GOOD, BETTER = 0.95, 1.02
 """Share of what a step, and what another error of the speed explains, from which a growth may stand

@@ -29,7 +29,7 @@ def explains_without_changes(changing: Findings, steady: Findings) -> bool:
     regression = changing.regression
     merged = replace(regression, data=merge_surfaces(regression.data))
     refitted = fit_model(merged, other.model)
-    return refitted.cross_validated_square <= best.square
+    return refitted.cross_validated_square <= best.cross_validated_square
 
 
 def merge_surfaces(data: RegressionData) -> RegressionData:

@@ -58,7 +58,7 @@ class ScoredModel:
         return self.fitted.model
 
     @property
-    def square(self) -> float:
+    def cross_validated_square(self) -> float:
         """Sum of squares of the whitened residuals, each block predicted from the others."""
         return self.fitted.cross_validated_square
 
@@ -76,7 +76,7 @@ class ScoredModel:
     def held_out_rmse(self) -> float:
         """RMSE of the whitened residuals of blocks that were left out, in deviations of noise."""
         rows = max(float(self.fitted.grams.rows.sum()), 1.0)
-        return float(np.sqrt(self.square / rows))
+        return float(np.sqrt(self.cross_validated_square / rows))
 
     @property
     def drifts(self) -> bool:
@@ -162,8 +162,8 @@ def find_shortfall(small: ScoredModel, large: ScoredModel, tested: float) -> str
     )
     if not worth:
         return f"gain < {100 * least:g} %"
-    limit = (1.0 - LEAST_WHITENED_GAIN) * small.square
-    if large.square >= limit:
+    limit = (1.0 - LEAST_WHITENED_GAIN) * small.cross_validated_square
+    if large.cross_validated_square >= limit:
         return f"block gain < {100 * LEAST_WHITENED_GAIN:g} %"
     by_blocks = gain_p_value(small.fitted, large.fitted) * tested
     same_family = small.model.curves.family is large.model.curves.family
@@ -174,8 +174,8 @@ def find_shortfall(small: ScoredModel, large: ScoredModel, tested: float) -> str
 
 def is_worse(best: ScoredModel, other: ScoredModel) -> bool:
     """Whether another model of the same size has a significantly larger sum of squares."""
-    limit = (1.0 + INDISTINGUISHABLE_SHARE) * best.square
-    if other.square <= limit:
+    limit = (1.0 + INDISTINGUISHABLE_SHARE) * best.cross_validated_square
+    if other.cross_validated_square <= limit:
         return False
     return worse_p_value(best.fitted, other.fitted) < LEVEL
 

@@ -94,8 +94,8 @@ def averages_noise(
     # From where the model stood: a fit of its own may have been given up early.
     without = fit_and_score(regression, smaller)
     squares = (
-        without.square,
-        best.square,
+        without.cross_validated_square,
+        best.cross_validated_square,
         fit_model(regression, backward).cross_validated_square,
     )
     before, forward, back = squares

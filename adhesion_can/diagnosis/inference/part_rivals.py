@@ -24,7 +24,7 @@ def part_rivals(findings: Findings) -> Findings:
         return findings
     everything = regression.last_fit
     fits = [fit_and_score(everything, rival.model) for rival in rivals]
-    place = min(range(len(fits)), key=lambda k: fits[k].square)
+    place = min(range(len(fits)), key=lambda k: fits[k].cross_validated_square)
     left: list[ScoredModel] = [
         one
         for k, (one, fit) in enumerate(zip(rivals, fits, strict=True))

@@ -40,12 +40,12 @@ def channel_for_drift(
     without = next((model for model in smaller if set(model.candidates) == rest), None)
     if not best.drifts or without is None:
         return None
-    square = without.square
-    least = DRIFT_SHARE * (square - best.square)
+    square = without.cross_validated_square
+    least = DRIFT_SHARE * (square - best.cross_validated_square)
     for model in pool:
         added = set(model.candidates) - rest
         by_channel = len(added) == 1 and next(iter(added)).effect.id.startswith(PREFIX)
-        if by_channel and square - model.square >= least:
+        if by_channel and square - model.cross_validated_square >= least:
             return model
     return None
 
@@ -64,13 +64,13 @@ def prefer_contact(
     A share of the braking force that is not measured is an asymmetry of the adhesion: which of them
     fits better by a hundredth of what both explain would be chance.
     """
-    square = plain.square
-    explained = square - best.square
+    square = plain.cross_validated_square
+    explained = square - best.cross_validated_square
     twins = [
         model
         for model in pool
         if len(model.candidates) == len(best.candidates)
-        and square - model.square >= (1.0 - SAME_WORDS) * explained
+        and square - model.cross_validated_square >= (1.0 - SAME_WORDS) * explained
     ]
     return max(
         [best, *twins], key=lambda one: sum(acts_in_contact(c.effect) for c in one.candidates)

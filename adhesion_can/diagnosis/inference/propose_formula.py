@@ -210,7 +210,7 @@ def _choose(fits: Sequence[ScoredModel]) -> tuple[ScoredModel | None, list[Score
     """
     if not fits:
         return None, []
-    ranked = sorted(fits, key=lambda fit: fit.square)
+    ranked = sorted(fits, key=lambda fit: fit.cross_validated_square)
     best = ranked[0]
     equal = [model for model in ranked if model is best or not _is_beaten(model, best, len(fits))]
     # Of those with as few constants a straight line is the simplest.
@@ -223,8 +223,8 @@ def _choose(fits: Sequence[ScoredModel]) -> tuple[ScoredModel | None, list[Score
 
 def _is_beaten(scored: ScoredModel, best: ScoredModel, tested: int) -> bool:
     """Whether the best formula is better by more than chance allows, so many counted."""
-    square = best.square
-    if scored.square <= (1.0 + INDISTINGUISHABLE_SHARE) * square:
+    square = best.cross_validated_square
+    if scored.cross_validated_square <= (1.0 + INDISTINGUISHABLE_SHARE) * square:
         return False
     return gain_p_value(scored.fitted, best.fitted) * tested <= LEVEL
 

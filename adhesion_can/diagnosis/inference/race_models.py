@@ -57,7 +57,7 @@ def fit_pairs(
     ranked: list[tuple[float, EffectProposal]] = []
     for single in singles[:PAIRED_SINGLES]:
         others = [c for c in candidates if single.admits(c)]
-        gain_of_single = 1.0 - single.square / plain_square
+        gain_of_single = 1.0 - single.cross_validated_square / plain_square
         ranked += [
             (gain_of_single + proposal.gain * (1.0 - gain_of_single), proposal)
             for proposal in propose_effects(regression, single.model, others)[:PARTNERS]
@@ -114,4 +114,4 @@ def race(regression: WhitenedRegression, proposals: Sequence[EffectProposal]) ->
         fitted = fit_model(regression, proposal.model, hopeless=FAR_BEHIND * best)
         best = min(best, fitted.grams.square)
         fits.append(score_model(regression, fitted, proposal.sign_flips))
-    return sorted(fits, key=lambda fit: fit.square)
+    return sorted(fits, key=lambda fit: fit.cross_validated_square)

@@ -62,7 +62,7 @@ def select_effects(
     best, pool = improving[0], improving
     fitted_pairs: list[ScoredModel] = []
     if most > 1:
-        square = plain.square
+        square = plain.cross_validated_square
         fitted_pairs = fit_pairs(regression, square, fitted, candidates)
     pairs = [pair for pair in fitted_pairs if pair.is_plausible]
     if (

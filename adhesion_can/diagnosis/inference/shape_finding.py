@@ -23,10 +23,10 @@ class ScoredFamily:
     extended: ScoredModel
 
     @property
-    def square(self) -> float:
+    def cross_validated_square(self) -> float:
         """Cross-validated whitened square, the smaller one of both fits."""
         both = (self.scored, self.extended)
-        return min(scored.square for scored in both)
+        return min(scored.cross_validated_square for scored in both)
 
     @property
     def held_out_rmse(self) -> float:

@@ -78,7 +78,7 @@ def build_explanations(
         models += _rivals_of_shape(regression, findings.shape, findings.prepared.candidates)
     scored = _without_duplicates(fit_and_score(regression, model) for model in (*models, *others))
     if scored:
-        best = min(scored, key=lambda scored_model: scored_model.square)
+        best = min(scored, key=lambda scored_model: scored_model.cross_validated_square)
         scored = [
             scored_model
             for scored_model in scored
@@ -105,7 +105,7 @@ def _is_at_bound(model: Model) -> bool:
 
 def _gains(scored: ScoredModel, plain: ScoredModel) -> bool:
     """Whether a model predicts better than the plain one at all."""
-    return scored.square < plain.square
+    return scored.cross_validated_square < plain.cross_validated_square
 
 
 def _rivals_of_shape(
@@ -148,7 +148,7 @@ def _models_of_rivals(
 def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
     """The best model of each set of effects, best first: forms are no explanations of their own."""
     best: dict[tuple[str, tuple[tuple[str, int], ...]], ScoredModel] = {}
-    for one in sorted(models, key=lambda model: model.square):
+    for one in sorted(models, key=lambda model: model.cross_validated_square):
         effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
         best.setdefault((one.model.curves.family.name, effects), one)
     return list(best.values())

@@ -90,15 +90,15 @@ class PaperEstimator:
             return
         part = Samples.concatenate(list(self._waiting))
         h, z = part.folded()
-        found = search(h, z, self._theta, self._settings, self._rng)
-        found = self._search_until_converged(found, h, z)
-        fresh = assess(found.theta, found.cost, part, self._identifiability)
+        result = search(h, z, self._theta, self._settings, self._rng)
+        result = self._search_until_converged(result, h, z)
+        fresh = assess(result.theta, result.cost, part, self._identifiability)
         self._next_look = count + FIRST_SHARE * (self._settings.block - count)
         whole = count >= WHOLE_SHARE * self._settings.block
         if whole:
             self._waiting.clear()  # it counts as the block, and the next one begins behind it
         if (whole or fresh.identifiable.mu_max) and self._current is not None:
-            self._theta, self._current_std = found.theta, fresh.mu_max_std
+            self._theta, self._current_std = result.theta, fresh.mu_max_std
             since, self._changing = self._current.surface_since_us, False
             self._current = replace(fresh, surface_since_us=since, change_probability=0.0)
 
@@ -159,29 +159,29 @@ class PaperEstimator:
         )
         return np.asarray(innovation(current.theta, h, z) / np.sqrt(explained))
 
-    def _search_until_converged(self, found: Search, h: Array, z: Array) -> Search:
+    def _search_until_converged(self, result: Search, h: Array, z: Array) -> Search:
         """Result of a search from a distant start, repeated until it has converged.
 
         Within its iteration limit a search may stop short of the optimum, where standard errors
         from the curvature are wrong.
         """
         for _ in range(MOST_SEARCHES - 1):
-            again = search(h, z, found.theta, self._settings, self._rng)
-            settled = again.cost > (1.0 - SETTLED) * found.cost
-            found = again
+            again = search(h, z, result.theta, self._settings, self._rng)
+            settled = again.cost > (1.0 - SETTLED) * result.cost
+            result = again
             if settled:
                 break
-        return found
+        return result
 
     def _identify(self, block: Samples) -> Estimate:
         h, z = block.folded()
-        found = search(h, z, self._theta, self._settings, self._rng)
+        result = search(h, z, self._theta, self._settings, self._rng)
         if self._current is None or self._changing:
-            found = self._search_until_converged(found, h, z)
-        fresh = assess(found.theta, found.cost, block, self._identifiability)
+            result = self._search_until_converged(result, h, z)
+        fresh = assess(result.theta, result.cost, block, self._identifiability)
         current, self._changing = self._current, False
         if current is None or fresh.identifiable.both or not current.identifiable.both:
-            self._theta, self._current_std = found.theta, fresh.mu_max_std
+            self._theta, self._current_std = result.theta, fresh.mu_max_std
             since = fresh.surface_since_us if current is None else current.surface_since_us
             return replace(fresh, surface_since_us=since)
         # The old estimate stays; the mean distance of the block from it adds to its uncertainty.

@@ -36,7 +36,7 @@ CANDIDATES = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Block(Value):
+class BlockSums(Value):
     """Sums over some seconds of a drive.
 
     Attributes:
@@ -57,7 +57,7 @@ class Block(Value):
     binned: BinnedSamples = EMPTY
 
     @classmethod
-    def from_rows(cls, rows: Rows, binned: BinnedSamples = EMPTY) -> "Block":
+    def from_rows(cls, rows: Rows, binned: BinnedSamples = EMPTY) -> "BlockSums":
         """Sums of rows, with corrected scores for the errors of the slips."""
         weighted = rows.columns * rows.weight[:, None]
         diluted = rows.slopes * (rows.weight * rows.slip_var)[:, None]
@@ -66,9 +66,9 @@ class Block(Value):
         score = weighted.T @ rows.response
         return cls(gram, dilution, score, rows.level_noise, rows.curve_square, binned)
 
-    def joined(self, other: "Block") -> "Block":
+    def joined(self, other: "BlockSums") -> "BlockSums":
         """Both blocks as one."""
-        return Block(
+        return BlockSums(
             self.gram + other.gram,
             self.dilution + other.dilution,
             self.score + other.score,
@@ -113,9 +113,9 @@ class BlockSeries(Stateful):
     def __init__(self, directions: int, per_surface: Sequence[int] = ()) -> None:
         self._directions = directions
         self._per_surface = np.array([CURVE - TANGENTS + k for k in per_surface], dtype=np.int64)
-        self.blocks: list[Block] = []
+        self.blocks: list[BlockSums] = []
         """Blocks of the current surface."""
-        self._earlier: list[Block] = []
+        self._earlier: list[BlockSums] = []
         self.candidates: list[int] = []
         """Index of the first block after each change that waits to be confirmed."""
         self.block_s = FIRST_S
@@ -124,7 +124,7 @@ class BlockSeries(Stateful):
     def __len__(self) -> int:
         return len(self.blocks) + len(self._earlier)
 
-    def append(self, block: Block) -> None:
+    def append(self, block: BlockSums) -> None:
         """Add the latest block."""
         self.blocks.append(block)
         if len(self) < MOST:
@@ -238,14 +238,14 @@ def _project_out(gram: Array, onto: Array) -> Array:
     return np.asarray(gram[rest, rest] - crossed - crossed.T + onto.T @ gram[own, own] @ onto)
 
 
-def _merge_neighbours(blocks: Sequence[Block]) -> list[Block]:
+def _merge_neighbours(blocks: Sequence[BlockSums]) -> list[BlockSums]:
     """Blocks two by two, the odd one at the end as it is."""
     pairs = zip(blocks[0::2], blocks[1::2], strict=False)
     merged = [one.joined(other) for one, other in pairs]
     return merged + list(blocks[len(merged) * 2 :])
 
 
-def fit_blocks(blocks: Sequence[Block], start: CurveParameters) -> PooledCurve:
+def fit_blocks(blocks: Sequence[BlockSums], start: CurveParameters) -> PooledCurve:
     """Curve that fits the blocks of a surface best, from the parameters (c1, c2, c3) of another."""
     gram = np.sum([block.gram[:SIZE, :SIZE] for block in blocks], axis=0)
     score = np.sum([block.score[:SIZE] for block in blocks], axis=0)

@@ -34,7 +34,7 @@ TIME_UNIT = 100.0
 
 
 @dataclass(frozen=True, slots=True)
-class Direction(Value):
+class ResidualDirection(Value):
     """Direction in which the residual may lie.
 
     Attributes:
@@ -76,11 +76,11 @@ SURROUNDINGS: Mapping[str, CovariateScale] = {
 """Covariates of the samples that are directions of their own, by name."""
 
 
-def build_directions(axles: int) -> tuple[Direction, ...]:
+def build_directions(axles: int) -> tuple[ResidualDirection, ...]:
     """Directions for a vehicle with so many axles."""
 
-    def single(name: str, doubt: Doubt, prior_std: float) -> Direction:
-        return Direction(name, doubt, prior_std, name)
+    def single(name: str, doubt: Doubt, prior_std: float) -> ResidualDirection:
+        return ResidualDirection(name, doubt, prior_std, name)
 
     return (
         single(SPEED_SCALE, Doubt.DIRECTION, 0.02),
@@ -97,7 +97,7 @@ def build_directions(axles: int) -> tuple[Direction, ...]:
         *(single(name, Doubt.TIME, 0.5) for name in WORK_S),
         *(single(name, Doubt.SURROUNDINGS, 0.3) for name in SURROUNDINGS),
         *(
-            Direction(f"{name} {axle}", Doubt.AXLE, prior_std, name)
+            ResidualDirection(f"{name} {axle}", Doubt.AXLE, prior_std, name)
             for name, prior_std in ((RADIUS, 0.02), (LEVEL, 0.3))
             for axle in range(1, axles + 1)
         ),

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from adhesion_can.estimation.doubt.blocks import Block, BlockSeries, fit_blocks
+from adhesion_can.estimation.doubt.blocks import BlockSeries, BlockSums, fit_blocks
 from adhesion_can.estimation.doubt.directions import TIME, build_directions
 from adhesion_can.estimation.doubt.monitor import FEWEST_SAMPLES
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
@@ -96,7 +96,7 @@ def pool_blocks(
             series.end_surface(len(series.blocks), PooledCurve(theta))
             rows.begin_surface()
         noise_std = noise_std or float(np.sqrt(np.median(part.adhesion_var)))
-        series.append(Block.from_rows(rows.build(part, theta, noise_std)))
+        series.append(BlockSums.from_rows(rows.build(part, theta, noise_std)))
         theta = fit_blocks(series.blocks, theta).theta
         yield series, PooledCurve(theta)
 

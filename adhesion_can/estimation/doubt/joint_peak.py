@@ -8,7 +8,7 @@ import scipy
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, ReducedBlocks
-from adhesion_can.estimation.doubt.directions import CREEP_SPEED, Direction
+from adhesion_can.estimation.doubt.directions import CREEP_SPEED, ResidualDirection
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve, linearise, on_grid
 from adhesion_can.estimation.doubt.slip_basis import GRID
 from adhesion_can.physics.estimate import PeakEstimate
@@ -16,9 +16,9 @@ from adhesion_can.physics.estimate import PeakEstimate
 BUMP_PRIOR = 0.1
 """Plausible size of a bump of a curve whose shape is in doubt, as a share of the largest adhesion.
 Where no data are, a larger one would make peaks of nothing."""
-WEAK = 0.1
+PRIOR_WEIGHT = 0.1
 """Weight of the directions' priors."""
-FLAT = 1e-3
+LEAST_CURVATURE = 1e-3
 """Least curvature −d²μ/dx² of a peak, as a share of the largest adhesion; x is the grid's index
 over its number of steps. A flatter one may lie anywhere that was reached."""
 LEAST_LEFT = 0.1
@@ -51,7 +51,7 @@ class JointFit(NamedTuple):
 def fit_jointly(
     blocks: ReducedBlocks,
     coefficients: Sequence[int],
-    directions: Sequence[Direction],
+    directions: Sequence[ResidualDirection],
     *,
     inflation: float,
     prior_std: Mapping[int, float],
@@ -111,7 +111,7 @@ def _corrected(seen: Array, dilution: Array) -> Array:
 def compute_joint_peak(
     fit: JointFit,
     curve: PooledCurve,
-    directions: Sequence[Direction],
+    directions: Sequence[ResidualDirection],
     present: Mapping[str, float],
     reached: float,
 ) -> PeakEstimate:
@@ -151,25 +151,25 @@ def _place(
     if step < 1:
         return float(GRID[top]), reached
     low, high = top - step, top + step
-    bend = (2.0 * values[top] - values[low] - values[high]) / step**2
-    bend = max(float(bend), FLAT / len(GRID) * float(values[top]))
-    nearby = float(values[high] - values[low]) / (2 * step) / bend
+    curvature = (2.0 * values[top] - values[low] - values[high]) / step**2
+    curvature = max(float(curvature), LEAST_CURVATURE / len(GRID) * float(values[top]))
+    nearby = float(values[high] - values[low]) / (2 * step) / curvature
     spacing = float(np.gradient(GRID)[top])
     # dx = −μ'/μ'' by the change of the slope at the peak (implicit function theorem).
     slope = (columns[high] - columns[low]) / (2 * step)
-    std = np.sqrt(max(float(slope @ covariance @ slope), 0.0)) / bend
+    std = np.sqrt(max(float(slope @ covariance @ slope), 0.0)) / curvature
     place = float(GRID[top]) + min(max(nearby, -1.0), 1.0) * spacing
     return place, min(float(std) * spacing, reached)
 
 
 def _prior_precision(
-    k: int, directions: Sequence[Direction], prior_std: Mapping[int, float]
+    k: int, directions: Sequence[ResidualDirection], prior_std: Mapping[int, float]
 ) -> float:
     """Prior precision of a coefficient."""
     if k in prior_std:
         return 1.0 / prior_std[k] ** 2
     if k >= CURVE:
-        return float(WEAK * directions[k - CURVE].prior_std ** -2.0)
+        return float(PRIOR_WEIGHT * directions[k - CURVE].prior_std ** -2.0)
     # The tangents are free; the bumps are in units of the largest adhesion.
     return 0.0 if k < TANGENTS else BUMP_PRIOR**-2.0
 
@@ -177,7 +177,7 @@ def _prior_precision(
 def _columns_on_grid(
     chosen: Sequence[int],
     curve: PooledCurve,
-    directions: Sequence[Direction],
+    directions: Sequence[ResidualDirection],
     present: Mapping[str, float],
 ) -> Array:
     """Change of the curve on the slip grid by each coefficient, shape (POINTS, k).

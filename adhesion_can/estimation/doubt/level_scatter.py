@@ -31,7 +31,7 @@ TRIMMED = 2
 """Number of the largest errors that are left out: a single change of the surface has no more."""
 FEWEST_SAMPLES = 20
 """Number of samples below which a window has no level."""
-FLAT = 0.3
+FLAT_SLOPE = 0.3
 """Logarithmic slope up to which a curve counts as flat: its level is that of the peak."""
 
 
@@ -41,13 +41,13 @@ class _Level(NamedTuple):
     Attributes:
         square: Square of the error, as a share of the adhesion.
         noise: Variance of that error by independent errors.
-        own: Variance of the level of the estimate itself.
+        estimate_var: Variance of the level of the estimate itself.
 
     """
 
     square: float
     noise: float
-    own: float
+    estimate_var: float
 
 
 class LevelScatter(Stateful):
@@ -91,15 +91,15 @@ class LevelScatter(Stateful):
         size, sign = np.abs(samples.slip), np.where(samples.slip < 0.0, -1.0, 1.0)
         decay = np.exp(-c2 * size)
         curve, slope = c1 * (1.0 - decay) - c3 * size, c1 * c2 * decay - c3
-        flat = (np.abs(slope) * size <= FLAT * curve) & (curve > 0.0)
+        flat = (np.abs(slope) * size <= FLAT_SLOPE * curve) & (curve > 0.0)
         if np.count_nonzero(flat) < FEWEST_SAMPLES:
             return None
         var = estimate.noise_std**2 + samples.transient_var + slope**2 * samples.slip_total_var
         weighted: Array = flat * curve / var
         information = float(weighted @ curve)
         share = float(weighted @ (sign * samples.adhesion - curve)) / information
-        own = estimate.mu_max_std / estimate.mu_max
-        return _Level(share * share, 1.0 / information, own * own)
+        relative_std = estimate.mu_max_std / estimate.mu_max
+        return _Level(share * share, 1.0 / information, relative_std * relative_std)
 
 
 def _scatter(levels: deque[_Level]) -> float:
@@ -107,5 +107,5 @@ def _scatter(levels: deque[_Level]) -> float:
     if len(levels) < FEWEST:
         return 0.0
     kept = np.array(sorted(levels)[: len(levels) - TRIMMED])
-    square, noise, own = kept.mean(axis=0).tolist()
-    return sqrt(square - noise - own) if square > LASTING * (noise + own) else 0.0
+    square, noise, estimate_var = kept.mean(axis=0).tolist()
+    return sqrt(square - noise - estimate_var) if square > LASTING * (noise + estimate_var) else 0.0

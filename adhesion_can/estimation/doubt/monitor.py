@@ -2,21 +2,21 @@
 
 Block by block of the drive:
 
-    samples -> RowBuilder -> Block -> BlockSeries -> pooled curve -> score tests -> joint peak
+    samples -> RowBuilder -> BlockSums -> BlockSeries -> pooled curve -> score tests -> joint peak
 """
 
 from collections import deque
-from dataclasses import dataclass
 from math import ceil, hypot, inf, sqrt
 
 import numpy as np
 
 from adhesion_can.estimation.batch_means import FEWEST
+from adhesion_can.estimation.doubt.assessment import UNKNOWN, Assessment
 from adhesion_can.estimation.doubt.blocks import (
     CURVE,
     TANGENTS,
-    Block,
     BlockSeries,
+    BlockSums,
     ReducedBlocks,
     fit_blocks,
 )
@@ -34,7 +34,6 @@ from adhesion_can.estimation.doubt.joint_peak import (
     fit_jointly,
 )
 from adhesion_can.estimation.doubt.lasting_errors import (
-    NONE,
     LastingErrors,
     estimate_lasting_errors,
     slip_inflation,
@@ -53,7 +52,7 @@ from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, PeakEstimate, has_peak
 from adhesion_can.physics.samples import Samples
-from adhesion_can.values import Stateful, Value
+from adhesion_can.values import Stateful
 
 FEWEST_SAMPLES = 20
 """Number of samples below which a block is left out."""
@@ -67,46 +66,12 @@ RECENT_S = 0.5
 """Duration of the samples that are compared with the leading family, s."""
 HISTORY = frozenset({TIME, *WORK_S})
 """Directions that stand for what happened before."""
-FLAT = 0.3
+FLAT_SLOPE = 0.3
 """Logarithmic slope up to which a curve counts as flat: its level is that of the peak."""
 RECENT = 40
 """Number of such comparisons that are kept."""
 KEPT_REACH = 0.995
 """Share of the reached slip that is kept from block to block."""
-
-
-@dataclass(frozen=True, slots=True)
-class Assessment(Value):
-    """What is known of the model's error after a block.
-
-    Attributes:
-        doubt: Condition that the residual depends on.
-        names: Names of the directions that decided.
-        lasting: Errors that last about the pooled curve.
-        remaining: Errors that last about the full model.
-        plain: Peak of the pooled curve.
-        full: Peak with the selected directions and the instruments' errors.
-        families: Curve families weighed against each other; None while there is no reason to doubt
-            Burckhardt's, or too little is known.
-        instrument_std: Standard deviations of μ_max and λ_m by what the instruments may be wrong
-            by and the data have not excluded, as shares of them.
-        lambda_m_scatter: Standard deviation of λ_m by the scatter of the blocks, as a share of it.
-
-    """
-
-    doubt: Doubt
-    names: tuple[str, ...]
-    lasting: LastingErrors
-    remaining: LastingErrors
-    plain: PeakEstimate | None = None
-    full: PeakEstimate | None = None
-    families: FamilyComparison | None = None
-    instrument_std: tuple[float, float] = (0.0, 0.0)
-    lambda_m_scatter: float = 0.0
-
-
-UNKNOWN = Assessment(Doubt.NONE, (), NONE, NONE)
-"""Assessment before there are enough blocks."""
 
 
 class DoubtMonitor(Stateful):
@@ -180,8 +145,8 @@ class DoubtMonitor(Stateful):
         assessment = self.assessment
         if assessment.plain is None:
             return 0.0
-        far = 0.0 if self._series.candidates else assessment.plain.lambda_m / lambda_m - 1.0
-        return hypot(far, assessment.lambda_m_scatter)
+        distance = 0.0 if self._series.candidates else assessment.plain.lambda_m / lambda_m - 1.0
+        return hypot(distance, assessment.lambda_m_scatter)
 
     @property
     def level_scatter(self) -> float:
@@ -238,7 +203,7 @@ class DoubtMonitor(Stateful):
             self._theta = estimate.theta
         rows = self._rows.build(samples, self._theta, estimate.noise_std)
         binned = BinnedSamples.from_samples(samples, estimate.noise_std)
-        self._series.append(Block.from_rows(rows, binned))
+        self._series.append(BlockSums.from_rows(rows, binned))
         self._theta = fit_blocks(self._series.blocks, self._theta).theta
         reached = float(np.quantile(np.abs(samples.slip), REACH))
         self.reached = max(reached, KEPT_REACH * self.reached)
@@ -337,7 +302,7 @@ class DoubtMonitor(Stateful):
         error = comparison.level_error(binned, estimate.theta)
         if error is not None:
             self.surface_holds = error.holds
-        level = comparison.level_error(binned, estimate.theta, FLAT)
+        level = comparison.level_error(binned, estimate.theta, FLAT_SLOPE)
         if level is not None:
             self._level_squares.append(level.share**2 - level.noise**2)
 

@@ -29,7 +29,7 @@ from adhesion_can.estimation.doubt.directions import (
     TIME_UNIT,
     TRACTION,
     WORK_S,
-    Direction,
+    ResidualDirection,
 )
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.samples import Samples
@@ -77,7 +77,7 @@ class RowBuilder(Stateful):
 
     """
 
-    def __init__(self, directions: Sequence[Direction], axles: int) -> None:
+    def __init__(self, directions: Sequence[ResidualDirection], axles: int) -> None:
         self._names = tuple(direction.name for direction in directions)
         self._axles = axles
         self._work: dict[tuple[str, int], tuple[float, float]] = {}
@@ -102,8 +102,8 @@ class RowBuilder(Stateful):
         size = np.abs(samples.slip)
         decay = np.exp(-c2 * size)
         level, slope = c1 * (1.0 - decay) - c3 * size, c1 * c2 * decay - c3
-        bend = c1 * c2 * c2 * decay
-        curve = _Curve(sign * level, slope, -sign * bend)
+        curvature = c1 * c2 * c2 * decay
+        curve = _Curve(sign * level, slope, -sign * curvature)
         values, slopes = slip_basis.evaluate(size)
         factors, errors, present = self._directions(samples, curve)
         columns, derivatives = [sign[:, None] * values], [slopes]
@@ -125,7 +125,7 @@ class RowBuilder(Stateful):
         return Rows(
             np.hstack(columns),
             np.hstack(derivatives),
-            samples.adhesion - 0.5 * sign * bend * slip_var,
+            samples.adhesion - 0.5 * sign * curvature * slip_var,
             weight,
             slip_var,
             _level_noise(samples, along * sign, along * sign * slope, own, by_adhesion),
@@ -158,15 +158,15 @@ class RowBuilder(Stateful):
         present[TRACTION] = float(np.sign(np.mean(samples.adhesion[-LATEST:])))
         factors[TRACTION] = np.where(samples.slip < 0.0, -1.0, 1.0)
         # A relative error of the speed or of a radius moves the slip by 1 + λ.
-        scaled = curve.slope * (1.0 + samples.slip), curve.bend
+        scaled = curve.slope * (1.0 + samples.slip), curve.curvature
         zero = np.zeros(len(speed))
         errors = {
             SPEED_SCALE: scaled,
             EFFORT_BIAS: (BIAS_UNIT / load, zero),
             SPEED_DELAY: _times(-rates.speed / np.maximum(speed, 1.0), scaled),
-            EFFORT_DELAY: _times(-rates.slip, (curve.slope, curve.bend)),
+            EFFORT_DELAY: _times(-rates.slip, (curve.slope, curve.curvature)),
             INERTIA: (INERTIA_UNIT * rates.rim_speed / load, zero),
-            RELAXATION: _times(-rates.slip / speed, (curve.slope, curve.bend)),
+            RELAXATION: _times(-rates.slip / speed, (curve.slope, curve.curvature)),
         }
         for axle in range(1, self._axles + 1):
             # Against the mean of all axles.
@@ -199,7 +199,7 @@ class _Curve(NamedTuple):
 
     adhesion: Array
     slope: Array
-    bend: Array
+    curvature: Array
 
 
 class _Rates(NamedTuple):

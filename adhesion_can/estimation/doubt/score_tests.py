@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, ReducedBlocks
-from adhesion_can.estimation.doubt.directions import Direction
+from adhesion_can.estimation.doubt.directions import ResidualDirection
 from adhesion_can.estimation.doubt.settings import DoubtSettings
 from adhesion_can.physics.doubt import Doubt
 
@@ -118,7 +118,7 @@ class Selection(NamedTuple):
 
 
 def select_directions(
-    blocks: ReducedBlocks, directions: Sequence[Direction], settings: DoubtSettings
+    blocks: ReducedBlocks, directions: Sequence[ResidualDirection], settings: DoubtSettings
 ) -> Selection:
     """Significant directions, the most significant one first, each given those before.
 
@@ -145,7 +145,9 @@ def select_directions(
     return Selection(doubt, tuple(names), tuple(coefficients))
 
 
-def _group(best: int, directions: Sequence[Direction]) -> tuple[NDArray[np.int64], str, Doubt]:
+def _group(
+    best: int, directions: Sequence[ResidualDirection]
+) -> tuple[NDArray[np.int64], str, Doubt]:
     """Coefficients that are estimated with one of them, its name and its doubt."""
     if best < CURVE:
         return np.arange(TANGENTS, CURVE), "shape", Doubt.SHAPE

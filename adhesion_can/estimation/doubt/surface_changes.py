@@ -10,7 +10,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, BlockSeries, ReducedBlocks
-from adhesion_can.estimation.doubt.directions import TIME, Direction
+from adhesion_can.estimation.doubt.directions import TIME, ResidualDirection
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve, linearise
 from adhesion_can.estimation.doubt.slip_basis import SIZE
 
@@ -29,7 +29,7 @@ MOST_AFTER_S = 6.0
 
 
 def find_confirmed_change(
-    series: BlockSeries, curve: PooledCurve, directions: Sequence[Direction]
+    series: BlockSeries, curve: PooledCurve, directions: Sequence[ResidualDirection]
 ) -> int | None:
     """Index of the first block after a confirmed change; None where none is.
 
@@ -52,7 +52,7 @@ def _is_change(
     reduced: ReducedBlocks,
     place: int,
     curve: PooledCurve,
-    directions: Sequence[Direction],
+    directions: Sequence[ResidualDirection],
 ) -> bool:
     """Whether the curve after a block differs, given a free shape and all directions."""
     after = slice(place, reduced.current)
@@ -85,12 +85,12 @@ def _share(series: BlockSeries, place: int, curve: PooledCurve, change: Array) -
     return float(np.sqrt(max(float(moved @ gram @ moved), 0.0) / max(whole, 1e-12)))
 
 
-def _is_time(k: int, directions: Sequence[Direction]) -> bool:
+def _is_time(k: int, directions: Sequence[ResidualDirection]) -> bool:
     """Whether a coefficient is that of the time, which a change of the surface looks like."""
     return k >= CURVE and directions[k - CURVE].name == TIME
 
 
-def _precision(k: int, directions: Sequence[Direction]) -> float:
+def _precision(k: int, directions: Sequence[ResidualDirection]) -> float:
     """Prior precision of a coefficient that is no tangent; 0 for a tangent."""
     if k >= CURVE:
         return 1.0 / directions[k - CURVE].prior_std ** 2

@@ -255,8 +255,8 @@ def _find_maxima(grid: Array, curves: Array) -> tuple[Array, Array]:
     inner = np.clip(best, 1, len(grid) - 2)
     rows = np.arange(len(curves))
     before, top, after = (curves[rows, inner + k] for k in (-1, 0, 1))
-    bend = before - 2.0 * top + after
-    shift = np.divide(0.5 * (before - after), bend, out=np.zeros(len(best)), where=bend < 0.0)
+    second = before - 2.0 * top + after
+    shift = np.divide(0.5 * (before - after), second, out=np.zeros(len(best)), where=second < 0.0)
     shift = np.where(inner == best, np.clip(shift, -0.5, 0.5), 0.0)
     height = np.where(inner == best, top - 0.25 * (before - after) * shift, curves[rows, best])
     return height, grid[best] * np.exp(shift * np.log(grid[1] / grid[0]))

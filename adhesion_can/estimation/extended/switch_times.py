@@ -31,7 +31,7 @@ TEMPERING = 4.0
 """Variance of an update's mean residual over that of independent errors."""
 KNOWN = 0.1
 """Relative standard deviation of μ_max up to which the base curve can distinguish the values."""
-SUSPECTED, SURE = 2.0, 16.0
+SUSPECTED_LOG_RATIO, ACCEPTED_LOG_RATIO = 2.0, 16.0
 """Logarithms of the likelihood ratio from which samples count little, and from which the other
 value holds."""
 
@@ -103,11 +103,11 @@ class SwitchTime:
             shown = _with_value(samples, self._name, held)
         evidence = _compare(shown, self._name, low + high - held, base, actives, lags, axles)
         self._sum = max(self._sum + evidence.logarithm, 0.0)
-        if self._sum > SURE:
+        if self._sum > ACCEPTED_LOG_RATIO:
             self._sum = 0.0
             self._since_us = now_us if self._since_us is None else None
             return _with_value(samples, self._name, low + high - held)
-        if self._sum > SUSPECTED:
+        if self._sum > SUSPECTED_LOG_RATIO:
             further = evidence.difference**2
             return replace(shown, transient_var=shown.transient_var + further)
         return shown

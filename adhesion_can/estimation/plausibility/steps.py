@@ -20,9 +20,9 @@ EVEN, MOST_AXLES = 0.05, 0.65
 of the axles that did."""
 ROLLING = 0.15
 """Slip over that of the curve below which pulled wheels roll as if they were free."""
-FLAT = 0.15
+RAMP_SHARE = 0.15
 """Change within either side, as a share of the step, below which it is a step and no ramp."""
-LEAST_EFFORT_STEP, LEVEL = 0.05, 0.25
+LEAST_EFFORT_STEP, EFFORT_RAMP_SHARE = 0.05, 0.25
 """Step of the adhesion of all axles that is looked at, and change within either side, as a share of
 it, below which it is a step and no ramp."""
 LEAST_AXLES = 3
@@ -177,7 +177,7 @@ def _is_flat(rim: Array, size: float) -> bool:
     """Whether wheels run on evenly on both sides of a step."""
     later = np.abs(rim[-1] - rim[-EDGE]) / after(rim)
     earlier = np.abs(rim[-EDGE - GAP - 1] - rim[-2 * EDGE - GAP]) / before(rim)
-    return max(float(np.median(later)), float(np.median(earlier))) <= FLAT * size
+    return max(float(np.median(later)), float(np.median(earlier))) <= RAMP_SHARE * size
 
 
 def is_effort_step(window: Window) -> bool:
@@ -188,4 +188,4 @@ def is_effort_step(window: Window) -> bool:
         return False
     later = abs(float((mu[-1] - mu[-EDGE]).mean()))
     earlier = abs(float((mu[-EDGE - GAP - 1] - mu[-2 * EDGE - GAP]).mean()))
-    return max(later, earlier) < LEVEL * abs(float(step.mean()))
+    return max(later, earlier) < EFFORT_RAMP_SHARE * abs(float(step.mean()))

@@ -38,13 +38,13 @@ from adhesion_can.estimation.tracker.kernels.plain_increment import common_error
 from adhesion_can.estimation.tracker.layout import (
     BINS,
     C2_NODES,
+    CERTAIN_STDS,
     CHEBYSHEV,
     COUNT,
     DOF,
     HISTOGRAM,
     LENGTH,
     NODES,
-    SURE,
     WIDE_ERROR,
     X_NODES,
     X_RANGE,
@@ -95,8 +95,8 @@ class Points(NamedTuple):
 
     @property
     def surely_reached(self) -> Array:
-        """Slip that was reached whatever its error: λ less `SURE` standard deviations, (n,)."""
-        return np.asarray(self.slip - SURE * np.sqrt(self.private_var + self.common_var))
+        """Slip that was reached whatever its error: λ less `CERTAIN_STDS` of its errors, (n,)."""
+        return np.asarray(self.slip - CERTAIN_STDS * np.sqrt(self.private_var + self.common_var))
 
     def select(self, rows: NDArray[np.bool_]) -> "Points":
         """Points selected by a mask."""

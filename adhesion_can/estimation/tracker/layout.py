@@ -29,7 +29,7 @@ LENGTH = COUNT + 1 + BINS
 CORRECTED, MEASURED = 0, 1
 """Rows of an increment: sums with corrected scores, and with the slips as measured."""
 
-SURE = 4.0
+CERTAIN_STDS = 4.0
 """Standard deviations beyond which the sign of a measured slip is its true one."""
 LARGEST_EXPONENT = 8.0
 """Largest exponent of e^(−c2 λ): a slip below zero is an error, which must not become 1e20."""

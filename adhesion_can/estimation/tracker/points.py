@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.curve_sums import Points
-from adhesion_can.estimation.tracker.layout import SURE
+from adhesion_can.estimation.tracker.layout import CERTAIN_STDS
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful
 
@@ -51,7 +51,8 @@ def carries_information(
 
     Where neither does, in coasting, a sample only shows that the curve starts at 0, which is known.
     """
-    return np.asarray((slip * slip >= FAR * slip_var) | (adhesion * adhesion > FAR * adhesion_var))
+    slips = slip * slip >= CERTAIN_SQUARE * slip_var
+    return np.asarray(slips | (adhesion * adhesion > CERTAIN_SQUARE * adhesion_var))
 
 
 def shows_surface(samples: Samples) -> bool:
@@ -66,7 +67,7 @@ def shows_surface(samples: Samples) -> bool:
     return median(squares) >= TELLING**2 * median(variances)
 
 
-FAR = SURE * SURE
+CERTAIN_SQUARE = CERTAIN_STDS * CERTAIN_STDS
 """Square of a value over its variance from which it exceeds its error by far."""
 NEVER_US = -(1 << 60)
 """Stamp of an axle that had no sample yet, µs."""
@@ -109,7 +110,7 @@ class CoastingGate(Stateful):
             age_s,
             np.expm1(age_s / -COASTING_S),
             self._means,
-            FAR,
+            CERTAIN_SQUARE,
         )
 
     def _make_room(self, axles: int) -> None:
@@ -140,7 +141,7 @@ def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Point
         return Points(h, z, zero, zero, samples.transient_var, one_group, sign)
     private, common = samples.slip_var, samples.slip_common_var
     sign = np.copysign(1.0, slip)
-    unsure = slip * slip < SURE * SURE * (private + common)
+    unsure = slip * slip < CERTAIN_STDS * CERTAIN_STDS * (private + common)
     if unsure.any():
         sign[unsure] = _signs_by_adhesion(samples)[unsure]
     stamp = samples.speed_us
@@ -161,7 +162,7 @@ def _signs_by_adhesion(samples: Samples) -> Array:
     _, member = np.unique(samples.axle, return_inverse=True)
     whole = np.bincount(member, adhesion)
     error = np.bincount(member, var)
-    sure = (error > 0.0) & (whole * whole > SURE * SURE * error)
+    sure = (error > 0.0) & (whole * whole > CERTAIN_STDS * CERTAIN_STDS * error)
     rest = adhesion
     if (whole[sure] > 0.0).any() and (whole[sure] < 0.0).any():
         rest = adhesion[~sure[member]]

@@ -20,8 +20,9 @@ class RunLengthSettings(Value):
     Attributes:
         false_alarm: Prior probability of a change per update; it bounds the rate of false
             alarms. Larger: changes are detected earlier, with more false alarms.
-        contenders: Number of run lengths that are kept. Larger: finer dating of changes, more CPU.
-        dense: Number of the latest run lengths that are all kept, fewer than `contenders`.
+        contenders: Number of hypotheses of a change that are kept. Larger: finer dating of changes,
+            more CPU.
+        dense: Number of the latest hypotheses that are all kept, fewer than `contenders`.
         noise_freedom: Largest weight of the noise estimate in a comparison, samples. Larger: the
             noise is trusted more, so that its increase may look like a change.
         settling_samples: Number of samples after a change within which its time may be revised.

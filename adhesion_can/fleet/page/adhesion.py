@@ -32,23 +32,23 @@ def adhesion_parts(estimates: Sequence[PlaceEstimate]) -> list[Part]:
     if not estimates:
         return [Text("No surface has a peak known within 10 %.")]
     by_line: dict[str, list[PlaceEstimate]] = defaultdict(list)
-    for one in estimates:
-        by_line[one.line].append(one)
-    lines = sorted(by_line, key=lambda line: -sum(one.segments for one in by_line[line]))
+    for estimate in estimates:
+        by_line[estimate.line].append(estimate)
+    lines = sorted(by_line, key=lambda line: -sum(estimate.segments for estimate in by_line[line]))
     shown = lines[:MOST_LINES]
     parts: list[Part] = []
-    if any(one.day for one in estimates):
+    if any(estimate.day for estimate in estimates):
         parts.append(_by_day({line: by_line[line] for line in sorted(shown)}, len(lines)))
     rows = [
         (
-            one.line or "not known",
-            one.day or "not known",
-            f"{one.median:.3f}",
-            f"{one.low:.3f} to {one.high:.3f}",
-            str(one.segments),
-            str(one.vehicles),
+            estimate.line or "not known",
+            estimate.day or "not known",
+            f"{estimate.median:.3f}",
+            f"{estimate.low:.3f} to {estimate.high:.3f}",
+            str(estimate.segments),
+            str(estimate.vehicles),
         )
-        for one in sorted(estimates, key=lambda one: one.median)[:MOST_ROWS]
+        for estimate in sorted(estimates, key=lambda estimate: estimate.median)[:MOST_ROWS]
     ]
     left = left_out(len(estimates), MOST_ROWS, "pair of line and day")
     columns = ("line", "day", "μ_max", "middle half", "surfaces", "vehicles")
@@ -60,15 +60,15 @@ def adhesion_parts(estimates: Sequence[PlaceEstimate]) -> list[Part]:
 
 def _by_day(by_line: Mapping[str, Sequence[PlaceEstimate]], lines: int) -> Figure:
     data: list[Trace] = []
-    for number, (line, own) in enumerate(by_line.items()):
-        dated = [one for one in own if one.day]
+    for number, (line, of_line) in enumerate(by_line.items()):
+        dated = [estimate for estimate in of_line if estimate.day]
         if not dated:
             continue
         colour, symbol = COLOURS[number % len(COLOURS)], SYMBOLS[number % len(SYMBOLS)]
         dash = "solid" if number < len(COLOURS) else "dot"
         half = whiskers(
-            [one.high - one.median for one in dated],
-            [one.median - one.low for one in dated],
+            [estimate.high - estimate.median for estimate in dated],
+            [estimate.median - estimate.low for estimate in dated],
             thickness=1,
             width=3,
         )
@@ -76,8 +76,8 @@ def _by_day(by_line: Mapping[str, Sequence[PlaceEstimate]], lines: int) -> Figur
             scatter(
                 "lines+markers",
                 line or "line not known",
-                [one.day for one in dated],
-                [one.median for one in dated],
+                [estimate.day for estimate in dated],
+                [estimate.median for estimate in dated],
                 error_y=half,
                 marker={"color": colour, "size": 8, "symbol": symbol},
                 line={"color": colour, "width": 1.2, "dash": dash},

@@ -34,16 +34,16 @@ def fleet_page(
         commands: Commands to run next, each with the vehicle that it is for.
 
     """
-    found = overview.diagnosis
+    diagnosis = overview.diagnosis
     sections: dict[str, list[Part]] = {
-        "Vehicles": vehicle_parts(found),
+        "Vehicles": vehicle_parts(diagnosis),
         "What to run next": [Items(commands)] if commands else [],
-        "Sizes by vehicle": size_parts(found),
-        "Lines, days and the model": _shared(found),
+        "Sizes by vehicle": size_parts(diagnosis),
+        "Lines, days and the model": _shared(diagnosis),
         "Adhesion by line and day": adhesion_parts(overview.estimates),
         "Map": map_parts(overview),
         "Failed recordings": _failures(overview),
-        "What these data do not show": [Text(note) for note in found.notes]
+        "What these data do not show": [Text(note) for note in diagnosis.notes]
         or [Text("Nothing was dropped.")],
     }
     return Page(
@@ -56,51 +56,55 @@ def fleet_page(
 
 
 def _lead(overview: FleetOverview) -> str:
-    found = overview.diagnosis
+    diagnosis = overview.diagnosis
     verdicts = ", ".join(
         f"{name.replace('_', ' ')} {count}" for name, count in sorted(overview.verdicts.items())
     )
     own = f" Each on its own: {verdicts}." if verdicts else ""
     return (
-        f"{counted(found.units, 'recording')} of {counted(len(found.vehicles), 'vehicle')}, "
-        f"{found.diagnosed} with evidence on effects.{own}"
+        f"{counted(diagnosis.units, 'recording')} of "
+        f"{counted(len(diagnosis.vehicles), 'vehicle')}, "
+        f"{diagnosis.diagnosed} with evidence on effects.{own}"
     )
 
 
 def _verdict(overview: FleetOverview) -> list[str]:
-    found = overview.diagnosis
-    named = found.named
+    diagnosis = overview.diagnosis
+    named = diagnosis.named
     lines = []
     if named:
         counts = Counter(one.findings[0].effect for one in named)
         causes = ", ".join(f"{name} {count}" for name, count in counts.most_common(6))
         lines.append(
-            f"{len(named)} of {counted(len(found.vehicles), 'vehicle')} "
+            f"{len(named)} of {counted(len(diagnosis.vehicles), 'vehicle')} "
             f"{'differs' if len(named) == 1 else 'differ'} from the others: {causes}."
         )
         lines += [_sized(one) for one in named[:MOST_SENTENCES]]
-    elif found.compared:
+    elif diagnosis.compared:
         lines.append("No vehicle differs significantly and relevantly from the others.")
-    for kind in found.kinds:
+    for kind in diagnosis.kinds:
         if kind.vehicles and not kind.compared:
             what = f"{counted(kind.vehicles, 'vehicle')} {'is' if kind.vehicles == 1 else 'are'}"
             of = f" ({kind.name})" if kind.name else ""
             lines.append(f"{what} too few to be compared with each other{of}.")
-    if found.named_alone:
-        count = len({one.vehicle for one, _ in found.named_alone})
-        shown = "; ".join(named_alone(one, effect) for one, effect in found.named_alone[:3])
-        more = f"; and {len(found.named_alone) - 3} more" * (len(found.named_alone) > 3)
+    if diagnosis.named_alone:
+        count = len({vehicle.vehicle for vehicle, _ in diagnosis.named_alone})
+        shown = "; ".join(
+            named_alone(vehicle, effect) for vehicle, effect in diagnosis.named_alone[:3]
+        )
+        more = f"; and {len(diagnosis.named_alone) - 3} more" * (len(diagnosis.named_alone) > 3)
         lines.append(
             f"Recordings of {counted(count, 'vehicle')} name a cause on their own that no "
             f"comparison confirms: {shown}{more}."
         )
     lines += [
-        f"{owner(one)}: {one.name}, {one.parameter} {format_size(one)}." for one in found.shared[:5]
+        f"{owner(one)}: {one.name}, {one.parameter} {format_size(one)}."
+        for one in diagnosis.shared[:5]
     ]
-    if not found.shared:
+    if not diagnosis.shared:
         lines.append("No effect is shared by all vehicles, a line or a day.")
     if overview.failed:
-        lines.append(f"{overview.failed} of {counted(found.units, 'recording')} failed.")
+        lines.append(f"{overview.failed} of {counted(diagnosis.units, 'recording')} failed.")
     return lines
 
 
@@ -112,20 +116,20 @@ def _sized(one: VehicleSummary) -> str:
     return f"{one.vehicle}: {causes}."
 
 
-def _shared(found: FleetDiagnosis) -> list[Part]:
-    if not found.shared:
+def _shared(diagnosis: FleetDiagnosis) -> list[Part]:
+    if not diagnosis.shared:
         return [
             Text("No effect was found on most vehicles, and no effect differs by line or by day.")
         ]
     rows = [
         (owner(one), one.name, format_size(one), f"{one.p_value:.1g}", format_gain(one),
          f"{one.showing} of {one.units}")
-        for one in found.shared[:MOST_ROWS]
+        for one in diagnosis.shared[:MOST_ROWS]
     ]  # fmt: skip
     note = (
         "An effect of all vehicles belongs to the model; an effect of a line or a day shows on "
         "every vehicle that was there. For each of the three, the probability of any wrong row "
-        f"is {100 * found.alpha:g} %. " + left_out(len(found.shared), MOST_ROWS, "finding")
+        f"is {100 * diagnosis.alpha:g} %. " + left_out(len(diagnosis.shared), MOST_ROWS, "finding")
     )
     caption = "Effects that several vehicles share."
     return [Table(caption, SHARED_COLUMNS, rows, note, sentence_columns=(1,))]

@@ -65,11 +65,11 @@ class _Row(NamedTuple):
     origin: str
 
 
-def size_parts(found: FleetDiagnosis) -> list[Part]:
+def size_parts(diagnosis: FleetDiagnosis) -> list[Part]:
     """Forest plots of the causes, and the table of the recordings."""
-    shared = [(owner(one), one.pooled) for one in found.shared if one.pooled is not None]
+    shared = [(owner(one), one.pooled) for one in diagnosis.shared if one.pooled is not None]
     by_cause: dict[str, list[PooledSize]] = defaultdict(list)
-    for size in _sizes_of_vehicles(found):
+    for size in _sizes_of_vehicles(diagnosis):
         by_cause[f"{size.name} {size.parameter}"].append(size)
     if not shared and not by_cause:
         return [Text("No recording has a size of a cause that was named.")]
@@ -111,14 +111,17 @@ NOTE = (
 )
 
 
-def _sizes_of_vehicles(found: FleetDiagnosis) -> "list[PooledSize]":
+def _sizes_of_vehicles(diagnosis: FleetDiagnosis) -> "list[PooledSize]":
     """Sizes of findings of vehicles, then of causes that recordings name by themselves."""
     sizes = [
-        one.pooled for vehicle in found.named for one in vehicle.findings if one.pooled is not None
+        one.pooled
+        for vehicle in diagnosis.named
+        for one in vehicle.findings
+        if one.pooled is not None
     ]
     return sizes + [
         size
-        for vehicle in found.vehicles
+        for vehicle in diagnosis.vehicles
         for size in vehicle.cause_sizes
         if size.effect in vehicle.causes_alone
     ]

@@ -20,12 +20,12 @@ FAILING_COLUMNS = ("vehicle", "recordings", "reason")
 VEHICLE_COLUMNS = ("vehicle", "cause", "size", "p-value", "gain, %", "units", "rivals")
 
 
-def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
+def vehicle_parts(diagnosis: FleetDiagnosis) -> list[Part]:
     """Tables of findings, of what recordings name by themselves, of failures and of kinds."""
-    named = found.named
+    named = diagnosis.named
     rows = [
         (
-            "" if place else one.vehicle,
+            "" if place else vehicle.vehicle,
             finding.name,
             format_size(finding),
             f"{finding.p_value:.1g}",
@@ -33,8 +33,8 @@ def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
             f"{finding.showing} of {finding.units}",
             ", ".join(finding.rivals) or "-",
         )
-        for one in named[:MOST_VEHICLES]
-        for place, finding in enumerate(one.findings)
+        for vehicle in named[:MOST_VEHICLES]
+        for place, finding in enumerate(vehicle.findings)
     ]
     parts: list[Part] = []
     if rows:
@@ -43,18 +43,23 @@ def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
             "vehicle'; p-value corrected for all effects; gain: reduction of the RMSE of the "
             "adhesion on recordings of the vehicle that had no part in finding it; units: those "
             "that show it on their own. A radius comes from coasting. At most "
-            f"{100 * found.false_discovery_rate:g} % of these vehicles are expected to be wrong. "
-            + left_out(len(named), MOST_VEHICLES, "vehicle")
+            f"{100 * diagnosis.false_discovery_rate:g} % of these vehicles are expected to be "
+            "wrong. " + left_out(len(named), MOST_VEHICLES, "vehicle")
         )
         caption = "Vehicles that differ from the others, worst first."
         parts.append(Table(caption, VEHICLE_COLUMNS, rows, note, sentence_columns=(1, 6)))
     else:
         parts.append(Text("The comparison of vehicles finds nothing."))
-    alone = found.named_alone
+    alone = diagnosis.named_alone
     if alone:
         by_recordings = [
-            (one.vehicle, effect, own_size(one, effect), f"{one.causes[effect]} of {one.units}")
-            for one, effect in alone[:MOST_ROWS]
+            (
+                vehicle.vehicle,
+                effect,
+                own_size(vehicle, effect),
+                f"{vehicle.causes[effect]} of {vehicle.units}",
+            )
+            for vehicle, effect in alone[:MOST_ROWS]
         ]
         note = (
             "Each recording was diagnosed on its own. If several recordings of a vehicle agree, "
@@ -63,51 +68,55 @@ def vehicle_parts(found: FleetDiagnosis) -> list[Part]:
         )
         caption = "Causes named by recordings alone, not by a comparison of vehicles."
         parts.append(Table(caption, ALONE_COLUMNS, by_recordings, note, sentence_columns=(1, 2)))
-    by_themselves = {one.vehicle for one, _ in alone}
-    failing = [one for one in found.vehicles if one.failed and not one.findings]
+    by_themselves = {vehicle.vehicle for vehicle, _ in alone}
+    failing = [vehicle for vehicle in diagnosis.vehicles if vehicle.failed and not vehicle.findings]
     if failing:
         failures = [
-            (one.vehicle, f"{one.failed} of {one.units}", one.reasons[0] if one.reasons else "-")
-            for one in failing[:MOST_ROWS]
+            (
+                vehicle.vehicle,
+                f"{vehicle.failed} of {vehicle.units}",
+                vehicle.reasons[0] if vehicle.reasons else "-",
+            )
+            for vehicle in failing[:MOST_ROWS]
         ]
         note = left_out(len(failing), MOST_ROWS, "vehicle")
         caption = "Vehicles without a finding whose recordings failed or cannot be used."
         parts.append(Table(caption, FAILING_COLUMNS, failures, note, sentence_columns=(2,)))
-    told = {one.vehicle for one in [*named, *failing]} | by_themselves
-    clean = len(found.vehicles) - len(told)
-    if clean and told:
+    listed = {vehicle.vehicle for vehicle in [*named, *failing]} | by_themselves
+    clean = len(diagnosis.vehicles) - len(listed)
+    if clean and listed:
         what = "the other vehicle" if clean == 1 else f"the other {clean} vehicles"
         parts.append(Text(f"Nothing is named on {what}."))
-    return parts + _kinds(found)
+    return parts + _kinds(diagnosis)
 
 
-def _kinds(found: FleetDiagnosis) -> list[Part]:
+def _kinds(diagnosis: FleetDiagnosis) -> list[Part]:
     """Table of the kinds, where there are several."""
-    if len(found.kinds) < 2:
+    if len(diagnosis.kinds) < 2:
         return []
     rows = [
-        (one.name, str(one.vehicles), str(one.units), "yes" if one.compared else "no, too few")
-        for one in found.kinds[:MOST_ROWS]
+        (kind.name, str(kind.vehicles), str(kind.units), "yes" if kind.compared else "no, too few")
+        for kind in diagnosis.kinds[:MOST_ROWS]
     ]
     note = (
         "Vehicles are of one kind if their data have the same form (recordings or TABLEs, "
         "number of axles, configured vehicle except for its wheel radii) and can show the same "
-        f"effects. A kind is compared if it has at least {found.least_vehicles} vehicles. "
-        + left_out(len(found.kinds), MOST_ROWS, "kind")
+        f"effects. A kind is compared if it has at least {diagnosis.least_vehicles} vehicles. "
+        + left_out(len(diagnosis.kinds), MOST_ROWS, "kind")
     )
     caption = "Kinds of vehicles: each vehicle is compared only with those of its kind."
     columns = ("kind", "vehicles", "units", "compared")
     return [Table(caption, columns, rows, note, sentence_columns=(0,))]
 
 
-def named_alone(one: VehicleSummary, effect: str) -> str:
+def named_alone(vehicle: VehicleSummary, effect: str) -> str:
     """A cause that recordings of a vehicle name by themselves."""
-    size = own_size(one, effect)
-    count = f"{one.causes[effect]} of {counted(one.units, 'recording')}"
-    return f"{one.vehicle}: {effect}, {count}" + f", {size}" * (size != UNKNOWN)
+    size = own_size(vehicle, effect)
+    count = f"{vehicle.causes[effect]} of {counted(vehicle.units, 'recording')}"
+    return f"{vehicle.vehicle}: {effect}, {count}" + f", {size}" * (size != UNKNOWN)
 
 
-def own_size(one: VehicleSummary, effect: str) -> str:
+def own_size(vehicle: VehicleSummary, effect: str) -> str:
     """Mean size of a cause over the recordings of a vehicle that name it, form by form."""
-    sizes = [size for size in one.cause_sizes if size.effect == effect]
+    sizes = [size for size in vehicle.cause_sizes if size.effect == effect]
     return "; ".join(f"{size.parameter} {format_pooled(size)}" for size in sizes) or UNKNOWN

@@ -3,13 +3,12 @@
 from adhesion_can.diagnosis.formatting import axis_scale, measured
 from adhesion_can.fleet.findings import FleetFinding
 from adhesion_can.fleet.pooled_size import PooledSize
-from adhesion_can.physics.effects.speed_scale import SpeedScale
-from adhesion_can.physics.effects.wheel_radius import WheelRadius
+from adhesion_can.physics.effects.instrument_errors import SPEED_SCALE, WHEEL_RADIUS
 from adhesion_can.plurals import counted
 
 MOST_ROWS = 60
 """Largest number of rows of a table, that of the vehicles aside."""
-RELATIVE = frozenset({WheelRadius().id, SpeedScale().id})
+RELATIVE = frozenset({WHEEL_RADIUS, SPEED_SCALE})
 """Effects whose size is a relative error, shown in percent."""
 UNITS = {"1/%": "per %", "1/K": "per K", "1/s": "per s"}
 """Units that are written otherwise."""

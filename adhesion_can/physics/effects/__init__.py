@@ -1,4 +1,4 @@
-"""Mechanisms beyond the plain curve: one file each, one definition for all uses.
+"""Mechanisms beyond the plain curve: a row of a table or a file each, one definition for all uses.
 
 `base` has what a definition consists of, `registry` the list of all effects, `active` their joint
 change. A distribution with an effect of its own imports from here.

@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
-from adhesion_can.physics.effects.law_effect import LawEffect
+from adhesion_can.physics.effects.rows import LawEffect
 from adhesion_can.physics.instrument_laws import (
     LEAST_SENSOR_GAIN,
     Need,

@@ -6,7 +6,7 @@ import numpy as np
 
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
-from adhesion_can.physics.effects.law_effect import LawEffect
+from adhesion_can.physics.effects.rows import LawEffect
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
 from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter
@@ -30,8 +30,8 @@ class CurveResistanceLaw:
 
     def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
         """Error of the readings."""
-        bend = np.minimum(np.abs(situation.channel(CURVATURE)), 1.0 / TIGHTEST_M)
-        share = ROECKL_M * bend / (1.0 - SHORTER_M * bend)
+        curvature = np.minimum(np.abs(situation.channel(CURVATURE)), 1.0 / TIGHTEST_M)
+        share = ROECKL_M * curvature / (1.0 - SHORTER_M * curvature)
         return ReadingError(absolute=self.size * share * situation.load)
 
 

@@ -132,25 +132,25 @@ class Expression:
         def of(part: ast.expr) -> Value:
             return self._value(part, channels, words, lag)
 
-        found: Value
+        result: Value
         match node:
             case ast.Constant(value=str() as name):
-                found = channels[name]
+                result = channels[name]
             case ast.Name(id=name):
-                found = words[name]
+                result = words[name]
             case ast.Constant(value=int() | float() as number):
-                found = float(number)
+                result = float(number)
             case ast.UnaryOp(op=op, operand=operand):
-                found = -of(operand) if isinstance(op, ast.USub) else of(operand)
+                result = -of(operand) if isinstance(op, ast.USub) else of(operand)
             case ast.BinOp(left=left, op=op, right=right):
-                found = _OPERATORS[type(op)](of(left), of(right))
+                result = _OPERATORS[type(op)](of(left), of(right))
             case ast.Call(func=ast.Name(id=name), args=[target, time]) if name == LAG:
-                found = lag(ast.unparse(node), np.asarray(of(target)), float(of(time)))
+                result = lag(ast.unparse(node), np.asarray(of(target)), float(of(time)))
             case ast.Call(func=ast.Name(id=name), args=arguments):
-                found = FUNCTIONS[name][1](*map(of, arguments))
+                result = FUNCTIONS[name][1](*map(of, arguments))
             case _:
                 raise ExpressionError(f"{ast.unparse(node)!r} is not supported")
-        return found
+        return result
 
 
 def _no_lag(_name: str, target: Array, _time: float) -> Array:

@@ -1,7 +1,7 @@
 """Axle loads move under effort, and the loads that are known do not show it."""
 
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
-from adhesion_can.physics.effects.law_effect import LawEffect
+from adhesion_can.physics.effects.rows import LawEffect
 from adhesion_can.physics.instrument_laws import LoadShift
 from adhesion_can.physics.parameter import Parameter
 

@@ -1,40 +1,34 @@
 """All effects: the built-in ones, and those of installed distributions.
 
-A built-in effect is a file of this folder and a line of `EFFECTS`. A distribution offers an effect
-by an entry point of the group 'adhesion_can.effects': an object with the attributes and the method
-of `ContactEffect` or `InstrumentEffect`, or its class.
+A built-in effect is a row of `CONTACT_FACTORS`, `COVARIATE_FACTORS` or `INSTRUMENT_ERRORS`; one
+that is more than a formula is a file of this folder and a line of `EFFECTS`. A distribution offers
+an effect by an entry point of the group 'adhesion_can.effects': an object with the attributes and
+the method of `ContactEffect` or `InstrumentEffect`, or its class.
 """
 
+import copyreg
 import re
+from collections.abc import Callable
 from functools import cache
+from typing import Any
 
-from adhesion_can.physics.effects.adhesion_recovery import AdhesionRecovery
 from adhesion_can.physics.effects.base import Effect, Observability, Requirements
 from adhesion_can.physics.effects.brake_blending import BRAKE_BLENDING, FADING_BRAKE_BLENDING
 from adhesion_can.physics.effects.channel_factor import LINEAR, PREFIX, STEP, ChannelFactor
-from adhesion_can.physics.effects.contact_heating import ContactHeating
+from adhesion_can.physics.effects.contact_factors import CONTACT_FACTORS
+from adhesion_can.physics.effects.covariate_factors import COVARIATE_FACTORS
 from adhesion_can.physics.effects.creep_relaxation import CreepRelaxation
 from adhesion_can.physics.effects.curve_creep import CurveCreep
 from adhesion_can.physics.effects.curving_resistance import CURVING_RESISTANCE
-from adhesion_can.physics.effects.effort_bias import EffortBias
-from adhesion_can.physics.effects.effort_delay import EffortDelay
 from adhesion_can.physics.effects.effort_gain import (
     AXLE_EFFORT_GAIN,
     COMMON_EFFORT_GAIN,
     HEAT_EFFORT_GAIN,
     TIME_EFFORT_GAIN,
 )
-from adhesion_can.physics.effects.falling_friction import FallingFriction, PolachFriction
-from adhesion_can.physics.effects.humidity import Humidity
-from adhesion_can.physics.effects.load_dependence import LoadDependence, LoadPower
+from adhesion_can.physics.effects.instrument_errors import INSTRUMENT_ERRORS
 from adhesion_can.physics.effects.load_transfer import LOAD_TRANSFER, LOAD_TRANSFER_HEIGHTS
-from adhesion_can.physics.effects.rail_cleaning import RailCleaning
-from adhesion_can.physics.effects.rail_temperature import RailTemperature
-from adhesion_can.physics.effects.rain import RainByLevel, RainBySteps
-from adhesion_can.physics.effects.sanding import Sanding, SandingAtAxles
-from adhesion_can.physics.effects.slow_drift import SlowDrift
-from adhesion_can.physics.effects.speed_delay import SpeedDelay
-from adhesion_can.physics.effects.speed_dependence import SpeedDependence
+from adhesion_can.physics.effects.rows import ErrorEffect, FactorEffect
 from adhesion_can.physics.effects.speed_error import (
     CURVATURE_SPEED_ERROR,
     LOW_PASS_SPEED_ERROR,
@@ -42,12 +36,7 @@ from adhesion_can.physics.effects.speed_error import (
     PITCH_SPEED_ERROR,
     STEPPED_SPEED_ERROR,
 )
-from adhesion_can.physics.effects.speed_scale import SpeedScale
-from adhesion_can.physics.effects.traction_braking_asymmetry import TractionBrakingAsymmetry
 from adhesion_can.physics.effects.wheel_once_per_turn import WHEEL_ONCE_PER_TURN
-from adhesion_can.physics.effects.wheel_radius import WheelRadius
-from adhesion_can.physics.effects.wheel_speed_delay import WheelSpeedDelay
-from adhesion_can.physics.effects.wheelset_inertia import WheelsetInertia
 from adhesion_can.physics.parameter import Parameter
 from adhesion_can.plugins import Plugin, load_plugins
 
@@ -55,13 +44,7 @@ GROUP = "adhesion_can.effects"
 """Group of the entry points."""
 
 EFFECTS: tuple[Effect, ...] = (
-    WheelsetInertia(),
-    WheelRadius(),
-    SpeedScale(),
-    SpeedDelay(),
-    EffortDelay(),
-    WheelSpeedDelay(),
-    EffortBias(),
+    *INSTRUMENT_ERRORS,
     # Laws of the instruments.
     LOAD_TRANSFER,
     LOAD_TRANSFER_HEIGHTS,
@@ -80,22 +63,8 @@ EFFECTS: tuple[Effect, ...] = (
     WHEEL_ONCE_PER_TURN,
     CreepRelaxation(),
     CurveCreep(),
-    SpeedDependence(),
-    LoadDependence(),
-    LoadPower(),
-    FallingFriction(),
-    PolachFriction(),
-    RailCleaning(),
-    AdhesionRecovery(),
-    ContactHeating(),
-    Humidity(),
-    RailTemperature(),
-    RainByLevel(),
-    RainBySteps(),
-    Sanding(),
-    SandingAtAxles(),
-    SlowDrift(),
-    TractionBrakingAsymmetry(),
+    *CONTACT_FACTORS,
+    *COVARIATE_FACTORS,
 )
 """The built-in effects; effects that change the slip stand before those that scale the adhesion."""
 
@@ -145,6 +114,15 @@ def effect_position(effect: Effect) -> int:
 @cache
 def _positions() -> dict[tuple[str, str], int]:
     return {(effect.id, effect.form): place for place, effect in enumerate(known_effects())}
+
+
+def _reduce(effect: Effect) -> tuple[Callable[..., Any], tuple[str, str]]:
+    return effect_by_id, (effect.id, effect.form)
+
+
+# Pickling stores no formula that has no name: the id and the form stand for the effect.
+copyreg.pickle(FactorEffect, _reduce)
+copyreg.pickle(ErrorEffect, _reduce)
 
 
 def _name(effect_id: str, form: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.effects.base import Observability, Requirements, Separation
-from adhesion_can.physics.effects.law_effect import LawEffect
+from adhesion_can.physics.effects.rows import LawEffect
 from adhesion_can.physics.instrument_laws import Need, Quantity, ReadingError, Situation
 from adhesion_can.physics.lag_states import LagStates
 from adhesion_can.physics.parameter import Parameter, SearchStart

@@ -42,10 +42,10 @@ class _Head:
         """Take a line that is no frame."""
         self.is_decimal |= "***DEC***" in line
         self.is_relative |= "***RELATIVE MODE***" in line
-        if found := _BEGUN.search(line):
-            self.day = _date(found[3], found[2], found[1])
-        elif found := _HEAD_TIME.match(line):
-            self.day = _date(found[1], found[2], found[3])
+        if match := _BEGUN.search(line):
+            self.day = _date(match[3], match[2], match[1])
+        elif match := _HEAD_TIME.match(line):
+            self.day = _date(match[1], match[2], match[3])
 
 
 def read_frame_table(lines: Iterable[bytes], form: LineForm, report: ReadReport) -> Iterator[Frame]:
@@ -163,12 +163,12 @@ class _StampReader:
     def read(self, text: str) -> int | None:
         """Stamp of a text, µs; None where it is none."""
         if self._clock in _UNITS_US:
-            found = _NUMBER.fullmatch(text.strip())
-            if found is None:
+            match = _NUMBER.fullmatch(text.strip())
+            if match is None:
                 return None
             unit = _UNITS_US[self._clock]
-            part = (found[2] or "").ljust(12, "0")
-            return int(found[1]) * unit + round(int(part) * unit / 10**12)
+            part = (match[2] or "").ljust(12, "0")
+            return int(match[1]) * unit + round(int(part) * unit / 10**12)
         of_day = self._of_day(text.strip())
         if of_day is None:
             return None
@@ -187,17 +187,17 @@ class _StampReader:
     def _of_day(self, text: str) -> tuple[datetime | None, int] | None:
         """Day, where the text has it, and time of the day, µs."""
         if self._clock is Clock.TIME_OF_DAY:
-            found = _CLOCK.fullmatch(text)
-            if found is None:
+            match = _CLOCK.fullmatch(text)
+            if match is None:
                 return None
-            hours, minutes, seconds, mark, part = found.groups()
+            hours, minutes, seconds, mark, part = match.groups()
             # Behind a colon stand whole milliseconds, not always padded, or tenths of them.
             part = part.zfill(3) if mark == ":" else part
             return None, _micros(hours, minutes, seconds, part)
-        found = _DIGITS.fullmatch(text)
-        if found is None:
+        match = _DIGITS.fullmatch(text)
+        if match is None:
             return None
-        return self._date_of(found[1]), _micros(*found.groups()[1:])
+        return self._date_of(match[1]), _micros(*match.groups()[1:])
 
     def _date_of(self, digits: str | None) -> datetime | None:
         """Day of a stamp's digits, of which the head gives what they lack."""

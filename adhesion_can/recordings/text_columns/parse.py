@@ -104,22 +104,22 @@ class ChunkParser:
         """Read the lines that fit a layout; give the rows that do not."""
         first, stop = int(rows[0]), int(rows[-1]) + 1
         chosen: slice | Places = slice(first, stop) if len(rows) == stop - first else rows
-        found = match_lines(layout, lines.text, lines.starts[chosen], lines.ends[chosen])
-        if found is None:
+        matched = match_lines(layout, lines.text, lines.starts[chosen], lines.ends[chosen])
+        if matched is None:
             return rows
-        channel = self._channels(layout, found)
+        channel = self._channels(layout, matched)
         known = channel != _NO_NAME
         if not known.all():
-            found, channel = found.select(known), channel[known]
-        if found.rows is None:
-            lines.put(chosen, found, layout.kind, channel)
+            matched, channel = matched.select(known), channel[known]
+        if matched.rows is None:
+            lines.put(chosen, matched, layout.kind, channel)
             return rows[:0]
-        lines.put(rows[found.rows], found, layout.kind, channel)
-        return np.delete(rows, found.rows)
+        lines.put(rows[matched.rows], matched, layout.kind, channel)
+        return np.delete(rows, matched.rows)
 
-    def _channels(self, layout: Layout, found: MatchedLines) -> NDArray[np.uint16]:
+    def _channels(self, layout: Layout, matched: MatchedLines) -> NDArray[np.uint16]:
         """Numbers of the lines' buses, `_NO_NAME` where their characters are none, shape (n,)."""
-        channel = np.zeros(len(found.t_ns), np.uint16)
+        channel = np.zeros(len(matched.t_ns), np.uint16)
         if layout.kind >= Kind.ADVANCE:
             return channel
         if not layout.name:
@@ -127,9 +127,9 @@ class ChunkParser:
             return channel
         todo = np.ones(len(channel), np.bool_)
         while todo.any():
-            name = found.names[:, todo.argmax()]
-            same = found.names[0] == name[0]
-            for words, word in zip(found.names[1:], name[1:], strict=True):
+            name = matched.names[:, todo.argmax()]
+            same = matched.names[0] == name[0]
+            for words, word in zip(matched.names[1:], name[1:], strict=True):
                 same &= words == word
             np.putmask(channel, same, self._channel_number(_spelled(name, layout.letters)))
             np.greater(todo, same, out=todo)
@@ -199,21 +199,21 @@ class _Lines:
     def put(
         self,
         rows: slice | Places,
-        found: MatchedLines | Block,
+        matched: MatchedLines | Block,
         kind: int | NDArray[np.uint8],
         channel: NDArray[np.uint16],
     ) -> None:
         """Fill rows, whose `channel` is the numbers of their buses."""
-        width = 8 if (found.length > 8).any() else 1
+        width = 8 if (matched.length > 8).any() else 1
         missing = width - self._words.shape[1]
         if missing > 0:
             self._words = np.pad(self._words, ((0, 0), (0, missing)))
-        self._t_ns[rows] = found.t_ns
-        self._key[rows] = found.key
+        self._t_ns[rows] = matched.t_ns
+        self._key[rows] = matched.key
         self._kind[rows] = kind
-        self._length[rows] = found.length
+        self._length[rows] = matched.length
         self._channel[rows] = channel
-        self._words[rows, :width] = found.words[:, :width]
+        self._words[rows, :width] = matched.words[:, :width]
 
     def block(self) -> Block:
         """The rows that were filled; their `channel` has the numbers of buses."""
@@ -252,14 +252,14 @@ def find_lines(text: Text, stop: int) -> tuple[Places, Places]:
 
 def _line_feeds(text: Text) -> Places:
     """Places of line feeds, shape (n,)."""
-    found = np.zeros(-(-len(text) // 8) * 8, np.bool_)
-    np.equal(text, ord("\n"), out=found[: len(text)])
+    is_feed = np.zeros(-(-len(text) // 8) * 8, np.bool_)
+    np.equal(text, ord("\n"), out=is_feed[: len(text)])
     # Words that hold one are found first: a walk over bytes that few of are true is slower.
-    words = found.view(WORD)
+    words = is_feed.view(WORD)
     places = np.flatnonzero(words != 0)
     held = words[places]
     if (held & (held - np.uint64(1))).any():
-        return np.flatnonzero(found)  # lines of less than 8 characters
+        return np.flatnonzero(is_feed)  # lines of less than 8 characters
     # A word is 256 ** k: times this it has k in its highest byte.
     held *= np.uint64(0x0001020304050607)
     held >>= np.uint64(56)

@@ -30,7 +30,7 @@ from adhesion_can.reporting.charts import (
 from adhesion_can.reporting.drive.history import DOUBTS, STATUSES
 from adhesion_can.reporting.drive.recorder import DriveRecord
 from adhesion_can.reporting.drive.signal_panels import SignalPanels
-from adhesion_can.reporting.drive.surfaces import Cloud, SurfaceSpan
+from adhesion_can.reporting.drive.surfaces import SampleCloud, SurfaceSpan
 from adhesion_can.reporting.page import Figure
 from adhesion_can.reporting.time_panels import Panel, line, panels_figure, span_line
 from adhesion_can.result_text import TimeScale, plus_minus
@@ -147,9 +147,9 @@ class _Abscissa:
         self._known: tuple[Array, Array] | None = None
         self.title = "time, s"
         if over_distance:
-            far = record.distance >= FROM_KM
-            self.title = "distance travelled, km" if far else "distance travelled, m"
-            way = record.history.distance / (1000.0 if far else 1.0)
+            in_km = record.distance >= FROM_KM
+            self.title = "distance travelled, km" if in_km else "distance travelled, m"
+            way = record.history.distance / (1000.0 if in_km else 1.0)
             self._known = record.history.last_us.astype(np.float64), way
 
     def of(self, t_us: Array) -> Array:
@@ -254,7 +254,7 @@ def _curve_figure(
     truth: Sequence[Mapping[str, Any]],
     height: int,
 ) -> Figure:
-    out, cloud = surface.last, surface.cloud or Cloud.empty()
+    out, cloud = surface.last, surface.cloud or SampleCloud.empty()
     slip = np.abs(cloud.slip)
     adhesions = cloud.adhesion * np.copysign(1.0, cloud.slip)
     driven = float(np.quantile(slip, 0.999)) if len(slip) else 0.1

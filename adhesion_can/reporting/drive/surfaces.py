@@ -21,7 +21,7 @@ SETTLED_US = 5_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Cloud:
+class SampleCloud:
     """Some samples of a surface; shape (n,) each.
 
     Attributes:
@@ -38,14 +38,14 @@ class Cloud:
     total: int
 
     @classmethod
-    def empty(cls) -> "Cloud":
+    def empty(cls) -> "SampleCloud":
         """Cloud without a sample."""
         none = np.empty(0)
         return cls(none, none, none, 0)
 
     def with_samples(
         self, slip: Array, adhesion: Array, priority: Array, slip_max: float
-    ) -> "Cloud":
+    ) -> "SampleCloud":
         """The cloud with further samples; in each range of slip a part stays, drawn evenly."""
         total = self.total + len(slip)
         slip = np.concatenate([self.slip, slip])
@@ -58,7 +58,7 @@ class Cloud:
         lengths = np.diff(np.append(begins, len(order)))
         rank = np.arange(len(order)) - np.repeat(begins, lengths)
         kept = np.sort(order[rank < A_BIN])
-        return Cloud(slip[kept], adhesion[kept], priority[kept], total)
+        return SampleCloud(slip[kept], adhesion[kept], priority[kept], total)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class SurfaceSpan:
     to_us: int
     to_m: float
     last: Outputs
-    cloud: Cloud | None = None
+    cloud: SampleCloud | None = None
 
 
 class SurfaceRecorder:
@@ -92,7 +92,7 @@ class SurfaceRecorder:
     def __init__(self, slip_max: float) -> None:
         self._slip_max = slip_max
         self._surfaces: list[SurfaceSpan] = []
-        self._clouds: dict[int, Cloud] = {}
+        self._clouds: dict[int, SampleCloud] = {}
         self._since_us: int | None = None
         self._told_us = 0
         self._waiting: list[Samples] = []
@@ -169,7 +169,7 @@ class SurfaceRecorder:
         priority = self._random.random(len(slip))
         for surface in np.unique(number[number >= 0]).tolist():
             own = number == surface
-            cloud = self._clouds.get(surface, Cloud.empty())
+            cloud = self._clouds.get(surface, SampleCloud.empty())
             self._clouds[surface] = cloud.with_samples(
                 slip[own], adhesion[own], priority[own], self._slip_max
             )
@@ -205,5 +205,5 @@ class SurfaceRecorder:
 def longest(surfaces: Sequence[SurfaceSpan], most: int) -> list[SurfaceSpan]:
     """The surfaces with the most samples, at most so many, in the order of their times."""
     with_data = [surface for surface in surfaces if surface.cloud is not None]
-    ranked = sorted(with_data, key=lambda surface: -(surface.cloud or Cloud.empty()).total)
+    ranked = sorted(with_data, key=lambda surface: -(surface.cloud or SampleCloud.empty()).total)
     return sorted(ranked[:most], key=lambda surface: surface.from_us)

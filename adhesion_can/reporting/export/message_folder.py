@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from adhesion_can.errors import InputError
-from adhesion_can.files import Temporary, read_small_file, whole_file
+from adhesion_can.files import Temporary, whole_file
+from adhesion_can.input_files import read_small_file
 from adhesion_can.reporting.export.layout import Frames, Group, GroupRows
 
 LIST = "convert.json"

@@ -10,16 +10,16 @@ CALIBRATED = "calibrated.toml"
 """Name of the configuration that the user has not named."""
 
 
-def after_calibration(found: Calibration, typed: Typed, rim: Collection[int]) -> NextStep:
+def after_calibration(calibration: Calibration, typed: Typed, rim: Collection[int]) -> NextStep:
     """Whether the radii agree with the configuration, and what to do next.
 
     Args:
-        found: Result of the calibration.
+        calibration: Result of the calibration.
         typed: What the user typed.
         rim: Axles whose wheel speed is given as speed of the rim.
 
     """
-    differing = [axle for axle in found.axles if differs(axle, found)]
+    differing = [axle for axle in calibration.axles if differs(axle, calibration)]
     target = typed.outputs.get("--out")
     if not differing:
         return NextStep("The radii agree with the configuration.", typed.on_inputs("diagnose"))

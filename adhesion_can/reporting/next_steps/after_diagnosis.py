@@ -27,17 +27,17 @@ _NO_FORMULA = ("time_s", "axle")
 DRIVE = "record a drive that sweeps the slip in traction and braking for four minutes"
 
 
-def after_diagnosis(found: Diagnosis, typed: Typed, configuration: Configuration) -> NextStep:
+def after_diagnosis(diagnosis: Diagnosis, typed: Typed, configuration: Configuration) -> NextStep:
     """What was found, and what to do next."""
-    if found.gain is None:
+    if diagnosis.gain is None:
         finding = "These data allow no verdict."
         return NextStep(finding, f"{DRIVE}, then {typed.command('diagnose', _new(typed))}")
     meanings = [
-        describe_cause(cause, configuration, alone=len(found.causes) == 1, tables=typed.tables)
-        for cause in found.causes
+        describe_cause(cause, configuration, alone=len(diagnosis.causes) == 1, tables=typed.tables)
+        for cause in diagnosis.causes
     ]
-    finding = " ".join([*(one.text for one in meanings), *_reservations(found)])
-    return NextStep(finding, _action(found, typed, meanings, configuration))
+    finding = " ".join([*(one.text for one in meanings), *_reservations(diagnosis)])
+    return NextStep(finding, _action(diagnosis, typed, meanings, configuration))
 
 
 def _new(typed: Typed) -> str:
@@ -47,31 +47,31 @@ def _new(typed: Typed) -> str:
 # ----------------------------------------------------------------------------------- findings
 
 
-def _reservations(found: Diagnosis) -> list[str]:
+def _reservations(diagnosis: Diagnosis) -> list[str]:
     """Rivals, what is unexplained, and why there is no plan: sentences behind the causes."""
     said = [
         f"These data cannot distinguish {cause.effect} from {' or '.join(cause.rivals)}."
-        for cause in found.causes
+        for cause in diagnosis.causes
         if cause.rivals
     ]
-    if found.verdict is Verdict.UNEXPLAINED:
-        said.append(_unexplained(found))
-    elif found.verdict is Verdict.NOTHING and found.conclusive:
+    if diagnosis.verdict is Verdict.UNEXPLAINED:
+        said.append(_unexplained(diagnosis))
+    elif diagnosis.verdict is Verdict.NOTHING and diagnosis.conclusive:
         said.append("The residual of the plain curve is noise.")
-    elif found.verdict is Verdict.NOTHING:
+    elif diagnosis.verdict is Verdict.NOTHING:
         said.append("These data cannot show whether the plain curve is right.")
-    planned = found.next_drive
+    planned = diagnosis.next_drive
     if planned is not None and planned.plan is None:
         said.append(planned.sentence)
     return said
 
 
-def _unexplained(found: Diagnosis) -> str:
-    if found.channel is None:
-        what = unexplained_clause(found)
+def _unexplained(diagnosis: Diagnosis) -> str:
+    if diagnosis.channel is None:
+        what = unexplained_clause(diagnosis)
         return f"{what[0].upper()}{what[1:]}, and no known effect explains it."
     return (
-        f"The error of the plain curve depends on {channel_label(found.channel)}, and no known "
+        f"The error of the plain curve depends on {channel_label(diagnosis.channel)}, and no known "
         "effect explains it."
     )
 
@@ -80,9 +80,9 @@ def _unexplained(found: Diagnosis) -> str:
 
 
 def _action(
-    found: Diagnosis, typed: Typed, meanings: list[Meaning], configuration: Configuration
+    diagnosis: Diagnosis, typed: Typed, meanings: list[Meaning], configuration: Configuration
 ) -> str:
-    planned = found.next_drive
+    planned = diagnosis.next_drive
     if planned is not None and planned.plan is not None:
         plan = typed.outputs.get("--next-drive", PLAN)
         drive = typed.command("control", "--plan", plan, *LIVE)
@@ -90,25 +90,25 @@ def _action(
             f"drive the plan with {drive} (simulated: {_simulated(plan, typed)}), "
             f"then {_together(typed)}"
         )
-    if found.verdict is Verdict.UNEXPLAINED:
-        return _after_unexplained(found, typed)
-    if found.verdict is Verdict.NAMED:
-        return _after_named(found, typed, meanings, configuration)
-    if found.conclusive:
+    if diagnosis.verdict is Verdict.UNEXPLAINED:
+        return _after_unexplained(diagnosis, typed)
+    if diagnosis.verdict is Verdict.NAMED:
+        return _after_named(diagnosis, typed, meanings, configuration)
+    if diagnosis.conclusive:
         # The curve explains these data: nothing is left to look for.
         return typed.on_inputs("identify") if typed.tables else typed.command("run", *LIVE)
     return f"record a longer drive with more excitation, then {_together(typed)}"
 
 
 def _after_named(
-    found: Diagnosis, typed: Typed, meanings: list[Meaning], configuration: Configuration
+    diagnosis: Diagnosis, typed: Typed, meanings: list[Meaning], configuration: Configuration
 ) -> str:
-    if any(cause.rivals for cause in found.causes):
-        return _distinguish(found, typed)
+    if any(cause.rivals for cause in diagnosis.causes):
+        return _distinguish(diagnosis, typed)
     if all(one.setting for one in meanings) and not _lacks_roles(meanings, configuration):
-        return _correct(found, typed, meanings)
+        return _correct(diagnosis, typed, meanings)
     use = _use_model(typed)
-    late = any(cause.effect.endswith("_delay") for cause in found.causes)
+    late = any(cause.effect.endswith("_delay") for cause in diagnosis.causes)
     return f"{use} (no key of the configuration corrects a delay)" if late else use
 
 
@@ -124,27 +124,27 @@ def _simulated(plan: Path | str, typed: Typed) -> str:
     return typed.command("simulate", *drive, "--log", typed.new_file("NEW"))
 
 
-def _distinguish(found: Diagnosis, typed: Typed) -> str:
+def _distinguish(diagnosis: Diagnosis, typed: Typed) -> str:
     """The drive that distinguishes what is left."""
-    if found.next_drive is None and not typed.tables:
+    if diagnosis.next_drive is None and not typed.tables:
         return typed.on_inputs("diagnose", "--next-drive", PLAN)
-    if found.needed:
-        return f"{found.needed}; then {_together(typed)}"
+    if diagnosis.needed:
+        return f"{diagnosis.needed}; then {_together(typed)}"
     return f"record a longer drive under other conditions, then {_together(typed)}"
 
 
-def _after_unexplained(found: Diagnosis, typed: Typed) -> str:
-    if found.saturated:
+def _after_unexplained(diagnosis: Diagnosis, typed: Typed) -> str:
+    if diagnosis.saturated:
         return "widen the range of the clipped effort signals, and record the drive again"
-    if found.closest:
-        return _distinguish(found, typed)
-    if found.oscillates:
+    if diagnosis.closest:
+        return _distinguish(diagnosis, typed)
+    if diagnosis.oscillates:
         return f"find what makes the wheels oscillate, record again, then {_diagnose_new(typed)}"
-    law = _linear_law(found)
+    law = _linear_law(diagnosis)
     if law is not None and not any(law.name in formula for formula in typed.formulas):
         tested = typed.on_inputs("diagnose", "--formula", law.text)
         return f"test a law of your own in {law.label} (the formula is an example): {tested}"
-    if found.next_drive is None and not typed.tables:
+    if diagnosis.next_drive is None and not typed.tables:
         return typed.on_inputs("diagnose", "--next-drive", PLAN)
     source = "a column" if typed.tables else "a signal under [channels]"
     return f"record the quantity that may be the cause as {source}, then {_diagnose_new(typed)}"
@@ -165,16 +165,16 @@ class _Law(NamedTuple):
     text: str
 
 
-def _linear_law(found: Diagnosis) -> _Law | None:
+def _linear_law(diagnosis: Diagnosis) -> _Law | None:
     """The law to try first; None where the residual depends on nothing that a formula can have."""
-    channel = found.channel
+    channel = diagnosis.channel
     if channel is None:
         return None
     in_contact = {known: name for name, known in CONTACT_CHANNELS.items()}
     name = in_contact.get(channel) or model_channel(channel)
     if not name or name in _NO_FORMULA:
         return None
-    profile = found.profile
+    profile = diagnosis.profile
     reach = 0.0
     if profile is not None and profile.channel == channel and len(profile.at):
         reach = float(np.abs(profile.at).max())
@@ -191,11 +191,11 @@ def _diagnose_new(typed: Typed) -> str:
     return replace(typed, inputs=(Path(_new(typed)),)).on_inputs("diagnose")
 
 
-def _correct(found: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
+def _correct(diagnosis: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
     """Correct the configuration, by `calibrate` where it measures what is wrong."""
     settings = " and ".join(one.setting for one in meanings)
     write = f"write {settings} in the configuration"
-    if all(cause.effect == WHEEL_RADIUS for cause in found.causes):
+    if all(cause.effect == WHEEL_RADIUS for cause in diagnosis.causes):
         return f"{typed.on_inputs('calibrate', '--out', CALIBRATED)}, or {write}"
     return f"{write}, then {typed.on_inputs('diagnose')}"
 

@@ -51,16 +51,16 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
     return NextStep("The data are usable, and a peak is identifiable.", typed.on_inputs(name))
 
 
-def after_identification(found: BatchResult, typed: Typed) -> NextStep:
+def after_identification(result: BatchResult, typed: Typed) -> NextStep:
     """The peak where there is one, and what to do next."""
-    known = [one.estimate for one in found.segments if one.estimate.identifiable.both]
-    if not known and not any(map(_is_hidden, found.segments)):
+    known = [one.estimate for one in result.segments if one.estimate.identifiable.both]
+    if not known and not any(map(_is_hidden, result.segments)):
         again = typed.command("identify", typed.new_file("NEW"))
         return NextStep("The data do not show a peak.", f"{BEYOND}, then {again}")
     if not known:
         return NextStep("No peak is identifiable.", typed.on_inputs("diagnose"))
-    count = f"{len(known)} of {len(found.segments)} surfaces have a peak"
-    finding = f"{_peak(known[0])}." if len(found.segments) == 1 else f"{count}."
+    count = f"{len(known)} of {len(result.segments)} surfaces have a peak"
+    finding = f"{_peak(known[0])}." if len(result.segments) == 1 else f"{count}."
     if typed.model is not None:
         return NextStep(finding, typed.on_inputs("evaluate", "--model", typed.model))
     return NextStep(finding, typed.on_inputs("diagnose"))
@@ -105,15 +105,15 @@ def after_replay(
     )
 
 
-def after_evaluation(found: Evaluation, typed: Typed) -> NextStep:
+def after_evaluation(evaluation: Evaluation, typed: Typed) -> NextStep:
     """What the model is worth on these data, and what to do next.
 
     Args:
-        found: Result of the evaluation.
+        evaluation: Result of the evaluation.
         typed: What the user typed; with a model.
 
     """
-    refitted = found.total.refitted
+    refitted = evaluation.total.refitted
     worth = judge_model(refitted)
     finding = f"{worth.finding}: gain {describe_gain(refitted)}."
     model = _model(typed)

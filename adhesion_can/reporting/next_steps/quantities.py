@@ -72,9 +72,9 @@ def _wheel_radius(values: Values, configuration: Configuration) -> Meaning:
     if axle > len(radii):
         return Meaning(f"Axle {axle}'s wheel is {share}.")
     if axle in rim_axles(configuration):
-        own = _choices(configuration, Role.WHEEL_SPEED, axle)
+        choices = _choices(configuration, Role.WHEEL_SPEED, axle)
         text = f"Axle {axle}'s wheel is {share}: its sender uses the wrong radius."
-        return Meaning(text, _scaled_keys(own, 1.0 + error.value), in_roles=True)
+        return Meaning(text, _scaled_keys(choices, 1.0 + error.value), in_roles=True)
     before = radii[axle - 1]
     radii[axle - 1] = before * (1.0 + error.value)
     text = f"Axle {axle}'s wheel is {share}: {radii[axle - 1]:.4f} m, not {before:.4f}."
@@ -82,19 +82,19 @@ def _wheel_radius(values: Values, configuration: Configuration) -> Meaning:
 
 
 def _speed_scale(values: Values, configuration: Configuration) -> Meaning:
-    own = _choices(configuration, Role.VEHICLE_SPEED, 0)
-    return _scaled("The vehicle speed", values["error"], own)
+    choices = _choices(configuration, Role.VEHICLE_SPEED, 0)
+    return _scaled("The vehicle speed", values["error"], choices)
 
 
 def _effort_gain_of_axle(values: Values, configuration: Configuration) -> Meaning:
     axle = round(values["axle"].value)
-    own = _choices(configuration, Role.TRACTIVE_EFFORT, axle)
-    return _scaled(f"The tractive effort of axle {axle}", values["gain"], own)
+    choices = _choices(configuration, Role.TRACTIVE_EFFORT, axle)
+    return _scaled(f"The tractive effort of axle {axle}", values["gain"], choices)
 
 
 def _effort_gain_of_all(values: Values, configuration: Configuration) -> Meaning:
-    own = _choices(configuration, Role.TRACTIVE_EFFORT)
-    return _scaled("The tractive effort of all axles", values["gain"], own)
+    choices = _choices(configuration, Role.TRACTIVE_EFFORT)
+    return _scaled("The tractive effort of all axles", values["gain"], choices)
 
 
 def _scaled(what: str, error: ParameterValue, choices: Sequence[SignalChoice]) -> Meaning:
@@ -105,43 +105,46 @@ def _scaled(what: str, error: ParameterValue, choices: Sequence[SignalChoice]) -
 
 def _scaled_keys(choices: Sequence[SignalChoice], ratio: float) -> str:
     """Keys of roles whose readings are multiplied by a ratio; an offset is subtracted last."""
-    return _role_keys([
-        replace(one, factor=one.used_factor * ratio, offset=one.offset * ratio) for one in choices
-    ])  # fmt: skip
+    return _role_keys(
+        [
+            replace(choice, factor=choice.used_factor * ratio, offset=choice.offset * ratio)
+            for choice in choices
+        ]
+    )
 
 
 def _effort_bias(values: Values, configuration: Configuration) -> Meaning:
     bias = values["bias"]
-    own = _choices(configuration, Role.TRACTIVE_EFFORT)
+    choices = _choices(configuration, Role.TRACTIVE_EFFORT)
     text = f"The tractive effort of each axle reads {abs(bias.value):.0f} N {_high(bias)}."
-    keys = _role_keys([replace(one, offset=one.offset + bias.value) for one in own])
+    keys = _role_keys([replace(choice, offset=choice.offset + bias.value) for choice in choices])
     return Meaning(text, keys, in_roles=True)
 
 
 def _role_keys(choices: Sequence[SignalChoice]) -> str:
     """Entries of [roles] with their factors and offsets, as TOML; '' without any role."""
-    entries = [f'"{one.name}" = {{ {", ".join(_keys(one))} }}' for one in choices]
+    entries = [f'"{choice.name}" = {{ {", ".join(_keys(choice))} }}' for choice in choices]
     return f"{' and '.join(entries)}{_ROLES}" if entries else ""
 
 
-def _keys(one: SignalChoice) -> Iterator[str]:
+def _keys(choice: SignalChoice) -> Iterator[str]:
     """All keys of a role that are not the defaults: the entry takes the place of the user's."""
-    yield f'signal = "{one.message}.{one.signal}"'
-    texts = {"channel": one.channel, "unit": one.unit, "protection": one.protection}
+    yield f'signal = "{choice.message}.{choice.signal}"'
+    texts = {"channel": choice.channel, "unit": choice.unit, "protection": choice.protection}
     for key, text in texts.items():
         if text is not None:
             yield f"{key} = {json.dumps(text, ensure_ascii=False)}"
-    if one.factor is not None:
-        yield f"factor = {one.factor:.5g}"
-    if one.sign != 1:
-        yield f"sign = {one.sign}"
-    if one.offset:
-        yield f"offset = {one.offset:.5g}"
-    if one.data_id is not None:
-        yield f"data_id = {one.data_id}"
-    if one.cycle_us is not None:
-        yield f"cycle_ms = {one.cycle_us / 1e3:g}"
-    for key, kept in (("not_available", one.not_available), ("stuck_check", one.stuck_check)):
+    if choice.factor is not None:
+        yield f"factor = {choice.factor:.5g}"
+    if choice.sign != 1:
+        yield f"sign = {choice.sign}"
+    if choice.offset:
+        yield f"offset = {choice.offset:.5g}"
+    if choice.data_id is not None:
+        yield f"data_id = {choice.data_id}"
+    if choice.cycle_us is not None:
+        yield f"cycle_ms = {choice.cycle_us / 1e3:g}"
+    for key, kept in (("not_available", choice.not_available), ("stuck_check", choice.stuck_check)):
         if not kept:
             yield f"{key} = false"
 
@@ -233,8 +236,8 @@ def _choices(
     configuration: Configuration, role: Role, axle: int | None = None
 ) -> list[SignalChoice]:
     """Signals of a role, of one axle or of all."""
-    own = (one for one in configuration.choices if one.role is role)
-    return [one for one in own if axle is None or one.axle == axle]
+    choices = (choice for choice in configuration.choices if choice.role is role)
+    return [choice for choice in choices if axle is None or choice.axle == axle]
 
 
 _BY_FORM: Mapping[tuple[str, str], Describe] = {

@@ -8,7 +8,7 @@ from rich.text import Text
 BORDER = "bright_black"
 
 
-def fitted(line: Text | str, width: int) -> Text:
+def padded(line: Text | str, width: int) -> Text:
     """The line with blanks behind it up to a width.
 
     Raises:
@@ -32,12 +32,12 @@ def boxed(title: str, lines: Sequence[Text | str], width: int, height: int) -> l
     """
     if len(lines) > height - 2:
         raise ValueError(f"{len(lines)} lines for {height - 2} in {title!r}")
-    head = fitted(Text(f"┌ {title} "), width - 1).plain.rstrip(" ") + " "
+    head = padded(Text(f"┌ {title} "), width - 1).plain.rstrip(" ") + " "
     top = Text(head + "─" * (width - 1 - cell_len(head)) + "┐", BORDER)
     top.stylize("bold not dim", 2, 2 + len(title))
     inner = [*lines, *[Text()] * (height - 2 - len(lines))]
     side = Text("│", BORDER)
-    rows = [Text.assemble(side, fitted(line, width - 2), side) for line in inner]
+    rows = [Text.assemble(side, padded(line, width - 2), side) for line in inner]
     return [top, *rows, Text("└" + "─" * (width - 2) + "┘", BORDER)]
 
 

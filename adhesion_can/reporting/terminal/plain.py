@@ -48,7 +48,7 @@ DIGITS = 6
 """Significant digits of a measured value in JSON: 16 bits of a signal have five."""
 
 
-def as_json(snapshot: Snapshot) -> dict[str, Any]:
+def snapshot_document(snapshot: Snapshot) -> dict[str, Any]:
     """Object of one snapshot, SI units; None means 'not available' and for 'not known'.
 
     Times are exact to the microsecond, measured values have six digits.

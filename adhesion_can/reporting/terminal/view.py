@@ -11,7 +11,7 @@ from rich.text import Text
 from adhesion_can.monitoring.latest_frames import MessageKey
 from adhesion_can.monitoring.snapshot import Origin, Snapshot, Transport
 from adhesion_can.printable import printable
-from adhesion_can.reporting.terminal.boxes import fitted, side_by_side, wrapped
+from adhesion_can.reporting.terminal.boxes import padded, side_by_side, wrapped
 from adhesion_can.reporting.terminal.curve_panel import curve_panel, history_panel
 from adhesion_can.reporting.terminal.help_page import help_lines, help_page, last_help_row
 from adhesion_can.reporting.terminal.signal_panel import last_signal_row, signal_panel
@@ -105,7 +105,7 @@ def draw(
     lines += [Text()] * (height - len(lines) - (1 if keys else 0))
     if keys:
         lines.append(Text(keys, "dim"))
-    return [fitted(line, width) for line in lines]
+    return [padded(line, width) for line in lines]
 
 
 def _keys(options: ViewOptions, *, is_live: bool) -> str:

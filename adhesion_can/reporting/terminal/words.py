@@ -38,7 +38,7 @@ STATUS_LETTERS = {
 """Letter of each status where a column has room for one; colour says the same again."""
 SAMPLE_AGE_US = 2_000_000
 """Age of the latest sample from which it is said why there are none, µs."""
-SURE = 0.05
+NARROW_STD = 0.05
 """Largest relative standard deviation of a peak that counts as narrow."""
 WELL_BEYOND = 1.3
 """Slip over λ_m from which the fall of the curve is seen."""
@@ -220,7 +220,7 @@ def _needed_creep(snapshot: Snapshot, service: ServiceView) -> str:
 
 
 def _is_narrow(value: float | None, std: float | None) -> bool:
-    return bool(value) and std is not None and isfinite(std) and std <= SURE * (value or 0.0)
+    return bool(value) and std is not None and isfinite(std) and std <= NARROW_STD * (value or 0.0)
 
 
 def _silent_inputs(snapshot: Snapshot) -> str:

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.estimation.doubt.blocks import Block
-from adhesion_can.estimation.doubt.directions import Direction, build_directions
+from adhesion_can.estimation.doubt.blocks import BlockSums
+from adhesion_can.estimation.doubt.directions import ResidualDirection, build_directions
 from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.physics.samples import Samples
 
 THETA = (0.41, 33.0, 0.38)
 NOISE = 0.01
 AXLES = 4
-DIRECTIONS: tuple[Direction, ...] = build_directions(AXLES)
+DIRECTIONS: tuple[ResidualDirection, ...] = build_directions(AXLES)
 NAMES = [direction.name for direction in DIRECTIONS]
 
 
@@ -81,9 +81,10 @@ def in_seconds(samples: Samples, seconds: float) -> list[Samples]:
 
 def make_blocks(
     samples: Samples, seconds: float = 1.0, theta: tuple[float, float, float] = THETA
-) -> list[Block]:
+) -> list[BlockSums]:
     """Blocks of so many seconds, with rows at the true curve."""
     builder = RowBuilder(DIRECTIONS, AXLES)
     return [
-        Block.from_rows(builder.build(part, theta, NOISE)) for part in in_seconds(samples, seconds)
+        BlockSums.from_rows(builder.build(part, theta, NOISE))
+        for part in in_seconds(samples, seconds)
     ]

@@ -31,7 +31,7 @@ from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import WORDINGS
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.terminal.boxes import boxed, fitted, wrapped
+from adhesion_can.reporting.terminal.boxes import boxed, padded, wrapped
 from adhesion_can.reporting.terminal.canvas import Canvas, nice_ceiling
 from adhesion_can.reporting.terminal.curve_panel import curve_band
 from adhesion_can.reporting.terminal.tables import message_panel
@@ -431,7 +431,7 @@ def test_truth_is_marked_where_it_is_known():
 
 def test_a_line_that_is_too_wide_is_an_error_and_not_cut():
     with pytest.raises(ValueError, match="5 cells for 4"):
-        fitted("12345", 4)
+        padded("12345", 4)
     with pytest.raises(ValueError, match="2 lines for 1"):
         boxed("t", ["a", "b"], 20, 3)
 
