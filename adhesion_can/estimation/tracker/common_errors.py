@@ -1,4 +1,4 @@
-"""Errors that the vehicle speed gives to the slips of all axles at once; `curve_sums` tells why."""
+"""Errors that the vehicle speed gives to the slips of all axles at once; `curve_sums` says why."""
 
 import numpy as np
 
