@@ -83,7 +83,7 @@ class ServiceProcess:
         """Time of arrival on the monotonic clock, s, and frame of each frame of the service."""
         self._opened, self._over = threading.Event(), threading.Event()
         words = [sys.executable, "-c", CODE, "run", "-i", "virtual", "-c", str(other.fileno())]
-        variables = {**os.environ, "ADHESION_CAN_COMPILED": "0", **(environment or {})}
+        variables = {**os.environ, **(environment or {})}
         variables["PYTHONPATH"] = str(ROOT)
         with (folder / "stderr").open("wb") as file:
             self.process = subprocess.Popen(

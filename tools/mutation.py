@@ -257,7 +257,6 @@ class Package:
         self.name = described["folder"]
         self._drawn, self._seed = described["drawn"], described["seed"]
         self.least_killed = described["least_killed"]
-        left_out = {*described.get("left_out", {}), *settings["tests"]}
         own = described.get("tests_of", {})
         paths = sorted(
             path.relative_to(ROOT).as_posix()
@@ -266,7 +265,7 @@ class Package:
         self.sessions = [
             Session(path, own.get(Path(path).name, described["tests"]), settings)
             for path in paths
-            if path not in left_out and Path(path).name not in {"__init__.py", *left_out}
+            if path not in settings["tests"] and Path(path).name != "__init__.py"
         ]
 
     def run(self, *, survivors_only: bool) -> None:

@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         Bar.wanted = options.progress
     try:
-        with _terminable(), _compilation_told(options.command, wanted=options.progress):
+        with _terminable():
             status: int = options.run(options)
             sys.stdout.flush()
     except AdhesionCanError as error:
@@ -129,33 +129,6 @@ def _terminable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-@contextmanager
-def _compilation_told(command: str, *, wanted: bool | None) -> Iterator[None]:
-    """A line on stderr where the estimator is compiled, as at its first start.
-
-    Args:
-        command: Name of the command, in front of the line.
-        wanted: What --progress or --no-progress said; None: the line is for a terminal alone.
-
-    """
-    if not (sys.stderr.isatty() if wanted is None else wanted):
-        yield
-        return
-    import logging  # noqa: PLC0415  most starts are not looked at
-
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter(f"adhesion-can {command}: %(message)s"))
-    logger = logging.getLogger("adhesion_can.estimation.tracker.kernels")
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
 
 
 def _drop_stdout() -> None:

@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
+from adhesion_can.estimation.tracker.common_errors import common_shift
 from adhesion_can.estimation.tracker.curve_sums import (
     Points,
     coefficients,
-    common_shift,
     costs,
-    increment,
     interpolation,
     residual_at,
     slope_at,
 )
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import (
     BINS,
     C2_NODES,

@@ -8,10 +8,10 @@ import pytest
 from adhesion_can.estimation.tracker.curve_sums import (
     coefficients,
     costs,
-    increment,
     interpolation,
     slope_at,
 )
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import CORRECTED, DOF
 from adhesion_can.estimation.tracker.points import CoastingGate, build_points
 from adhesion_can.physics.burckhardt import RAIL, adhesion

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
-from adhesion_can.estimation.tracker.curve_sums import Points, increment
+from adhesion_can.estimation.tracker.curve_sums import Points
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import CORRECTED
 from adhesion_can.estimation.tracker.memories import FadingMemories
 from adhesion_can.estimation.tracker.posterior import NoisePrior

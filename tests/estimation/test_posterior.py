@@ -12,10 +12,10 @@ from scipy import stats
 from adhesion_can.estimation.tracker.curve_sums import (
     Points,
     bend_at,
-    increment,
     slope_at,
     slope_by_adhesion,
 )
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import CORRECTED, DOF, LENGTH
 from adhesion_can.estimation.tracker.posterior import (
     NoisePrior,

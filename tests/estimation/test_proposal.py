@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.tracker.curve_sums import Points, increment
+from adhesion_can.estimation.tracker.curve_sums import Points
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import CORRECTED, DOF
 from adhesion_can.estimation.tracker.posterior import (
     NoisePrior,

@@ -6,17 +6,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from adhesion_can.estimation.tracker.curve_sums import Points, increment
+from adhesion_can.estimation.tracker.curve_sums import Points
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import (
     C2_NODES,
     CORRECTED,
     LENGTH,
-    NEW_MEAN,
-    NEW_STD,
     X_NODES,
 )
 from adhesion_can.estimation.tracker.prior import Prior
-from adhesion_can.estimation.tracker.run_length import Evidence, RunLengthHypotheses
+from adhesion_can.estimation.tracker.run_length import (
+    NEW_MEAN,
+    NEW_STD,
+    Evidence,
+    RunLengthHypotheses,
+)
 from adhesion_can.estimation.tracker.settings import PriorSettings, RunLengthSettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.burckhardt import RAIL, adhesion, peak

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.tracker.curve_sums import Points, increment
+from adhesion_can.estimation.tracker.curve_sums import Points
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import CORRECTED, DOF
 from adhesion_can.estimation.tracker.posterior import (
     NoisePrior,

@@ -14,7 +14,6 @@ from _live_bus import Bus, TimedBus, can, drive_frames, play_beside
 
 from adhesion_can.bus.frame import to_us
 from adhesion_can.config import load_configuration
-from adhesion_can.estimation.tracker import kernels
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.live import LiveService, start_clock
 from adhesion_can.service.output_messages import SETPOINT
@@ -54,7 +53,6 @@ def run_service(timed, config, seconds, begin):
         "overdue": service.counts.overdue,
         "clamped": core.counts.clamped,
         "samples": core.counts.samples,
-        "compiled": kernels.active.__name__ != kernels.plain.__name__,
         "status": None if core.estimate is None else "estimated",
         "late_us": lateness.late_us,
         "due_us": lateness.due_us,

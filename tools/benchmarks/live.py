@@ -69,8 +69,6 @@ def beside_bare(report, options, bus, *, play=False):
     for _ in range(options.runs):
         for kind, figures in found.items():
             figures.append(loop(kind, bus, options.seconds, play=play))
-    by = "numba" if found["service"][0]["compiled"] else "NumPy, without the extra 'fast'"
-    report.write(f"estimates computed by {by}")
     for share in ("p50", "p99"):
         times = {k: median(one[f"{share}_us"] for one in runs) for k, runs in found.items()}
         ratio = times["service"] / times["bare"]

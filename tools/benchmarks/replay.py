@@ -1,14 +1,11 @@
-"""Replay against real time, in columns and frame by frame, with and without the extra 'fast'.
+"""Replay against real time, in columns and frame by frame.
 
-The ways run in processes of their own, in turns, so that what else the machine does meets all of
-them alike. What they send must be the same to the byte. Then: what of an update takes how long.
+Both take turns, so that what else the machine does meets them alike. What they send must be the
+same to the byte. Then: what of an update takes how long.
 """
 
 import argparse
 import hashlib
-import os
-import subprocess
-import sys
 import time
 from collections import deque
 from itertools import chain
@@ -22,7 +19,6 @@ from _report import Report
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.registry import make_tracker
-from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.layout import NODES
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
@@ -33,47 +29,22 @@ from adhesion_can.simulation.scenarios import scenario_by_name
 
 SCENARIOS = ("sweep", "dry-wet-greasy-dry")
 TARGETS = {"columns": 120.0, "frames": 60.0}
-WORKER = "--worker"
 
 
-def serve(path):
-    """Replay in the way that each line of stdin names; seconds of the processor and digest."""
-    config = load_configuration()
-    for line in sys.stdin:
-        sent = []
-        recordings = open_recordings([path])
-        core = ServiceCore(config)
-        began = time.process_time()
-        blocks = blocks_in_sequence(recordings)
-        if line.strip() == "columns":
-            replay_blocks(blocks, core, sent.append)
-        else:
-            items = chain.from_iterable(block.items() for block in blocks)
-            replay(items, core, sent.append)
-        spent = time.process_time() - began
-        digest = hashlib.sha256(repr(sent).encode()).hexdigest()
-        print(kernels.active.__name__.rpartition(".")[2], spent, digest, flush=True)
-
-
-class Worker:
-    """Process that replays a recording with one kind of kernels."""
-
-    def __init__(self, path, switch):
-        environment = {**os.environ, kernels.SWITCH: switch}
-        command = [sys.executable, __file__, WORKER, str(path)]
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
-        )
-
-    def run(self, way):
-        self._process.stdin.write(way + "\n")
-        self._process.stdin.flush()
-        name, spent, digest = self._process.stdout.readline().split()
-        return name, float(spent), digest
-
-    def close(self):
-        self._process.stdin.close()
-        self._process.wait()
+def run(path, config, way):
+    """Replay in a way; seconds of the processor and digest of what was sent."""
+    sent = []
+    recordings = open_recordings([path])
+    core = ServiceCore(config)
+    began = time.process_time()
+    blocks = blocks_in_sequence(recordings)
+    if way == "columns":
+        replay_blocks(blocks, core, sent.append)
+    else:
+        items = chain.from_iterable(block.items() for block in blocks)
+        replay(items, core, sent.append)
+    spent = time.process_time() - began
+    return spent, hashlib.sha256(repr(sent).encode()).hexdigest()
 
 
 def write_drive(path, scenario, duration_s):
@@ -86,34 +57,23 @@ def write_drive(path, scenario, duration_s):
 
 
 def measure(path, scenario, options, report):
-    workers = [Worker(path, switch) for switch in ("1", "0")]
-    times, digests = {}, set()
-    try:
-        for _ in range(options.runs):
-            for way in TARGETS:
-                for worker in workers:
-                    name, spent, digest = worker.run(way)
-                    times.setdefault((way, name), []).append(spent)
-                    digests.add(digest)
-    finally:
-        for worker in workers:
-            worker.close()
-    for (way, name), spent in times.items():
-        rate = options.duration / median(spent)
-        what = f"{scenario}, {way}, {name}"
-        if name == "compiled":
-            target = TARGETS[way]
-            report.check(what, f"{rate:.0f} x real time", f"{target:.0f}", met=rate >= target)
-        else:
-            report.write(f"{what}: {rate:.0f} x real time")
-    if len(times) == len(TARGETS):
-        report.write("the extra 'fast' is not installed: nothing is compiled")
+    config = load_configuration()
+    times, digests = {way: [] for way in TARGETS}, set()
+    for _ in range(options.runs):
+        for way, spent in times.items():
+            seconds, digest = run(path, config, way)
+            spent.append(seconds)
+            digests.add(digest)
+    for way, spent in times.items():
+        rate, target = options.duration / median(spent), TARGETS[way]
+        what = f"{scenario}, {way}"
+        report.check(what, f"{rate:.0f} x real time", f"{target:.0f}", met=rate >= target)
     same = len(digests) == 1
-    report.check(f"{scenario}: different outputs of all ways", f"{len(digests)}", "1", met=same)
+    report.check(f"{scenario}: different outputs of both ways", f"{len(digests)}", "1", met=same)
 
 
 def arithmetic_us(settings):
-    """Product of matrices, exponentials and logarithms of an update, all by NumPy, µs."""
+    """Product of matrices, exponentials and logarithms of an update, µs."""
     numbers = np.random.default_rng(0)
     curves = len(settings.memory.times_s) * settings.curves
     sums, at_x = numbers.random((6, NODES)), numbers.random((NODES, curves))
@@ -161,9 +121,6 @@ def tell_parts(path, report):
 
 
 def main():
-    if sys.argv[1:2] == [WORKER]:
-        serve(Path(sys.argv[2]))
-        return
     parser = argparse.ArgumentParser(prog="tools/bench replay", description=__doc__)
     parser.add_argument("--runs", type=int, default=3, metavar="N", help="runs a way (default 3)")
     parser.add_argument(

@@ -171,7 +171,7 @@ def main() -> None:
     add("--window", type=int, default=2, help="units that a worker holds")
     add("--seed", type=int, default=1)
     add("--fixed-s", type=float, default=0.2, help="core time of a unit of any length")
-    add("--per-hour-s", type=float, default=86.0, help="core time for an hour of recording")
+    add("--per-hour-s", type=float, default=141.0, help="core time for an hour of recording")
     add("--spread", type=float, default=0.1, help="standard deviation of the logarithm of the time")
     add("--mb-per-hour", type=float, default=22.0, help="size of an hour of recording (BLF)")
     add("--request-s", type=float, default=0.1, help="time to the first byte of the store")

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.settings import AxleSettings
 from adhesion_can.values import Stateful
 
@@ -54,7 +53,20 @@ class AxleDeviations(Stateful):
         missing = max(axle.tolist()) - len(self._normal)
         if missing > 0:
             self._normal = np.pad(self._normal, ((0, missing), (0, 0)))
-        kernels.active.add_to_axles(self._normal, axle, level, shifted, residual, weight)
+        by_level, by_shift = weight * level, weight * shifted
+        terms = np.array(
+            [
+                by_level * level,
+                by_level * shifted,
+                by_shift * shifted,
+                by_level * residual,
+                by_shift * residual,
+            ]
+        )
+        # One sample after the other, each into the row of its axle.
+        place = axle * 5 + np.arange(5)[:, None]
+        rows = np.bincount(place.ravel(), terms.ravel(), 5 * (len(self._normal) + 1))
+        self._normal += rows[5:].reshape(-1, 5)
 
     def fade(self, seconds: float, share: float = 1.0) -> None:
         """Forget exponentially with time, and by a further factor."""

@@ -33,30 +33,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import kernels
-from adhesion_can.estimation.tracker.kernels.plain_increment import common_errors
 from adhesion_can.estimation.tracker.layout import (
-    BINS,
-    C2_NODES,
     CERTAIN_STDS,
     CHEBYSHEV,
-    COUNT,
-    DOF,
-    HISTOGRAM,
-    LENGTH,
     NODES,
-    WIDE_ERROR,
     X_NODES,
     X_RANGE,
-    A,
-    B,
-    C,
     D,
     E,
     Z,
 )
 from adhesion_can.physics.burckhardt import CurveParameters
 
+WIDE_ERROR = 0.02
+"""c2² p from which the private error is as wide as the bend of the curve: the correction of the
+slope is limited there."""
 _BARYCENTRIC = np.where(np.arange(NODES) % 2, -1.0, 1.0) * np.sin(np.arccos(CHEBYSHEV))
 
 
@@ -150,72 +141,6 @@ def costs(sums: Array, at_x: Array, factors: Array) -> Array:
     return np.asarray(abc.sum(axis=-2) + further)
 
 
-def increment(
-    points: Points,
-    slope: Array,
-    noise_var: float,
-    slip_max: float,
-    own_slope: Array | None = None,
-    bend: Array | None = None,
-    reached: Array | None = None,
-) -> Array:
-    """Sums of samples with corrected scores, and with the slips as measured; shape (2, LENGTH).
-
-    Corrected scores remove the private errors. Without them these dilute the slope, and J is a sum
-    of squares. Where slips have no private error, both are the same.
-
-    Args:
-        points: Samples on one branch.
-        slope: Slope dμ/dλ of the current curve at the samples, shape (n,).
-        noise_var: Variance σ² of the adhesion noise; J/DOF of the sums estimates it.
-        slip_max: Upper end of the histogram of slip.
-        own_slope: Slope for the weight of the private error, from another source than the slip
-            with the error, shape (n,): a weight correlated with the error biases the curve. None:
-            `slope`.
-        bend: Curvature −d²μ/dλ² of the current curve at the samples, shape (n,), for the
-            correlation of slope and private error; None: it is not corrected.
-        reached: Slips that were surely reached, shape (n,); None: those of the points.
-
-    """
-    reached = points.surely_reached if reached is None else reached
-    if points.exact:
-        return _exact_increment(points, reached, slip_max)
-    decay = np.empty((len(points.slip) + 1, NODES))
-    private = kernels.active.node_exponents(points.slip, points.private_var, decay)
-    np.exp(decay, out=decay)
-    return kernels.active.increment(
-        points.slip,
-        points.adhesion,
-        points.private_var,
-        points.common_var,
-        points.transient_var,
-        points.group,
-        points.sign,
-        kernels.NONE if points.share is None else points.share,
-        slope,
-        slope if own_slope is None else own_slope,
-        kernels.NONE if bend is None else bend,
-        reached,
-        decay,
-        private,
-        noise_var,
-        slip_max,
-    )
-
-
-def _exact_increment(points: Points, reached: Array, slip_max: float) -> Array:
-    """Sums of samples whose slips have no error."""
-    h, z, both = points.slip, points.adhesion, np.empty((2, LENGTH))
-    places = (reached * (BINS / slip_max)).clip(0, BINS - 1).astype(np.int64)
-    both[:, HISTOGRAM] = np.bincount(places, minlength=BINS)
-    f1 = -np.expm1(-np.multiply.outer(h, C2_NODES))
-    both[:, A] = np.einsum("ij,ij->j", f1, f1)
-    both[:, B], both[:, C] = -(h @ f1), z @ f1
-    both[:, D], both[:, E], both[:, Z] = h @ h, -(h @ z), z @ z
-    both[:, DOF] = both[:, COUNT] = len(h)
-    return both
-
-
 def slope_at(points: Points, theta: CurveParameters) -> Array:
     """dμ/dλ of a curve at the samples, continued below zero slip; shape (n,)."""
     c1, c2, c3 = theta
@@ -245,38 +170,3 @@ def residual_at(points: Points, theta: CurveParameters) -> Array:
     """Adhesion less that of a curve continued below zero slip; shape (n,)."""
     c1, c2, c3 = theta
     return np.asarray(points.adhesion + c1 * np.expm1(-c2 * points.slip) + c3 * points.slip)
-
-
-def common_shift(points: Points, theta: CurveParameters, noise_var: float) -> Points:
-    """Samples without the error of each vehicle speed, estimated from the current curve.
-
-    A group's error e minimises Σ (z − μ(λ − e))²/(σ² + a² p) + e²/q (Gauss-Newton), and so does the
-    change across the group. They only move the point of linearisation: with the slope a there and
-    z − a e in place of z, `increment` counts e as unknown all the same.
-
-    Args:
-        points: Samples on one branch.
-        theta: Parameters (c1, c2, c3) of the current curve.
-        noise_var: Variance σ² of the adhesion noise.
-
-    Returns:
-        Samples with λ − e in place of λ.
-
-    """
-    h, _, p, _, further, *_ = points
-    b = slope_by_adhesion(points, theta)
-    weight = 1.0 / (noise_var + b * b * p + further)
-    a = slope_at(points, theta)
-    share = kernels.NONE if points.share is None else points.share
-    shape, var = common_errors(points.group, points.sign, share, points.common_var, a * a * weight)
-    var = np.maximum(var, 1e-30)
-    error = np.zeros(len(var))
-    moved = points
-    for _ in range(2):
-        a = slope_at(moved, theta)
-        drift = 1.5 * a * bend_at(points, a, theta) * p * weight
-        pull = shape @ (a * weight * residual_at(moved, theta) - drift) + error / var
-        error = error - pull / ((shape * shape) @ (a * a * weight) + 1.0 / var)
-        error = np.clip(error, -3.0 * np.sqrt(var), 3.0 * np.sqrt(var))
-        moved = points._replace(slip=h - error @ shape)
-    return moved

@@ -1,7 +1,4 @@
-"""Layout of a vector of sums, and of what the kernels give; `curve_sums` defines the sums.
-
-Apart from them, so that both implementations of the kernels share it.
-"""
+"""Layout of a vector of sums, which `curve_sums` defines."""
 
 import numpy as np
 
@@ -31,24 +28,3 @@ CORRECTED, MEASURED = 0, 1
 
 CERTAIN_STDS = 4.0
 """Standard deviations beyond which the sign of a measured slip is its true one."""
-LARGEST_EXPONENT = 8.0
-"""Largest exponent of e^(−c2 λ): a slip below zero is an error, which must not become 1e20."""
-WIDE_ERROR, TOO_WIDE = 0.02, 0.1
-"""c2² p from which the private error is as wide as the bend of the curve: the correction of the
-slope is limited there, and that of the sums."""
-
-SUMMARY_MEDIANS, SUMMARY_HEIGHT, SUMMARY_PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
-SUMMARY_COVARIANCE = slice(9, 18)
-SUMMARY_FALL, SUMMARY_HEIGHT_VAR, SUMMARY_PLACE_VAR, SUMMARY_EFFECTIVE = range(18, 22)
-SUMMARY_LENGTH = 22
-"""Indices in the summary of weighted curves: medians of (μ_m, λ_m, s), quantiles of μ_max and of
-λ_m, covariance of (c1, c2, c3) row by row, mean of c3, variances of μ_max and λ_m, and the
-effective number of curves."""
-QUANTILES = (0.05, 0.5, 0.95)
-"""Probabilities of the quantiles in a summary."""
-
-NEW_MEAN, NEW_STD = (0.3, 0.15), (0.4, 0.4)
-"""Prior mean and standard deviation of (c1, c3) of a new surface."""
-NEW_PRECISION = (NEW_STD[0] ** -2.0, NEW_STD[1] ** -2.0)
-NEW_SQUARE = (NEW_MEAN[0] / NEW_STD[0]) ** 2 + (NEW_MEAN[1] / NEW_STD[1]) ** 2
-"""Inverse variances, and square of the mean in its standard deviations."""

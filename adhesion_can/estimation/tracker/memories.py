@@ -13,7 +13,6 @@ from typing import Self
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.layout import (
     CORRECTED,
     COUNT,
@@ -21,7 +20,11 @@ from adhesion_can.estimation.tracker.layout import (
     HISTOGRAM,
     LENGTH,
     NODES,
+    D,
+    E,
+    Z,
 )
+from adhesion_can.estimation.tracker.order_of_sums import sum_in_lanes
 from adhesion_can.estimation.tracker.posterior import (
     Curves,
     NoisePrior,
@@ -167,26 +170,31 @@ class FadingMemories(Stateful):
             kinds of sums, shape (2,).
 
         """
-        # The product is NumPy's, whichever kernels are in use.
-        nodal = added[:, : 3 * NODES].reshape(-1, NODES) @ self._all.at_x
-        costs = np.empty((len(added), *self._costs.shape))
-        relative = np.empty_like(costs)
+        factors = self._all.factors
+        at_curves = added[:, : 3 * NODES].reshape(-1, NODES) @ self._all.at_x
+        terms = at_curves.reshape(len(added), 3, -1)
+        terms *= factors[:3]
+        further = added[:, D, None] * factors[3] + added[:, E, None] * factors[4]
+        further += added[:, Z, None]
+        costs = (terms.sum(axis=1) + further).reshape(-1, *self._costs.shape)
+        least = costs.min(axis=2)
         scale = -0.5 / self.noise_var
-        least = kernels.active.cost_curves(nodal, self._all.factors, added, scale, costs, relative)
+        relative = costs - least[..., None]
+        relative *= scale
         np.exp(relative, out=relative)
         relative *= self._weights
         inside = relative.sum(axis=2)
         log_density = scale * least + np.log(np.maximum(inside, 1e-300))
         cost = np.empty(len(added))
-        factors: list[float] = []
+        likely: list[float] = []
         for kind, logs in enumerate(log_density.tolist()):
             best = max(logs)
             density = [exp(one - best) for one in logs]
             mean = sum([d * p for d, p in zip(density, self._probability, strict=True)])
             cost[kind] = (best + log(mean)) / scale
             if kind == CORRECTED:
-                factors = [max(d, LEAST_DENSITY) for d in density]
-        weighted = [p * factor for p, factor in zip(self._probability, factors, strict=True)]
+                likely = [max(d, LEAST_DENSITY) for d in density]
+        weighted = [p * factor for p, factor in zip(self._probability, likely, strict=True)]
         total = sum(weighted)
         self._probability = [one / total for one in weighted]
         return costs[CORRECTED], cost
@@ -255,16 +263,16 @@ class FadingMemories(Stateful):
         probability = self._probability
         self._leader = leader = probability.index(max(probability))
         noise = self.noise
-        logs = np.maximum(self._costs, 0.0)
-        logs += noise.freedom * noise.var
-        np.log(logs, out=logs)
-        dof = self._sums[:, DOF]
+        costs, dof = np.maximum(self._costs, 0.0), self._sums[:, DOF]
+        logs = np.log(costs + noise.freedom * noise.var)
+        logs *= (0.5 * (noise.freedom + dof))[:, None]
         # Not in place: who asked for the weights may still have them.
-        self._weights = weights = np.empty_like(logs)
-        kernels.active.weight_exponents(
-            self._all.log_base, logs, 0.5 * (noise.freedom + dof), weights
-        )
+        weights = self._all.log_base - logs
+        weights -= weights.max(axis=1, keepdims=True)
         np.exp(weights, out=weights)
-        effective: list[float] = kernels.active.normalise(weights, self._costs, leader).tolist()
-        self.noise_var = noise.posterior_var(effective.pop(), dof.item(leader))
-        return effective
+        weights /= sum_in_lanes(weights)[:, None]
+        self._weights = weights
+        products = np.concatenate([weights * weights, (weights[leader] * costs[leader])[None]])
+        *squares, cost = sum_in_lanes(products).tolist()
+        self.noise_var = noise.posterior_var(cost, dof.item(leader))
+        return [1.0 / square for square in squares]

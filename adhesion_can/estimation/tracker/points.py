@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.curve_sums import Points
 from adhesion_can.estimation.tracker.layout import CERTAIN_STDS
 from adhesion_can.physics.samples import Samples
@@ -16,6 +15,10 @@ TELLING = 8.0
 """Slip from which an update distinguishes surfaces, in standard deviations of its error."""
 COASTING_S = 0.1
 """Time constant of the means by which an axle is coasting, s."""
+COASTING_AGE_S = 0.5
+"""Age of these means beyond which they say nothing, s."""
+ADHESION_MAX = 5.0
+"""Largest adhesion of a usable sample; larger ones are faults."""
 
 
 def is_valid(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
@@ -24,16 +27,11 @@ def is_valid(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
     Left out are samples that are not finite, slips beyond the model (wheel lock at −1, spin) and an
     impossible adhesion.
     """
-    return kernels.active.find_valid(
-        samples.slip,
-        samples.adhesion,
-        samples.slip_var,
-        samples.slip_common_var,
-        samples.adhesion_var,
-        samples.transient_var,
-        samples.load_std,
-        slip_max,
-    )
+    inside = (np.abs(samples.slip) <= slip_max) & (np.abs(samples.adhesion) <= ADHESION_MAX)
+    further = samples.slip_total_var + samples.adhesion_var
+    further += samples.transient_var
+    further += samples.load_std
+    return np.asarray(inside & np.isfinite(further))
 
 
 def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
@@ -99,19 +97,31 @@ class CoastingGate(Stateful):
         if not any(map(np.count_nonzero, stated)):
             return np.ones(len(axle), dtype=np.bool_)
         self._make_room(max(axle.tolist(), default=-1) + 1)
-        age_s = kernels.active.pass_time(self._latest_us, axle, samples.t_us)
-        return kernels.active.judge_coasting(
-            samples.slip,
-            samples.adhesion,
-            samples.slip_var,
-            samples.slip_common_var,
-            samples.adhesion_var,
-            axle,
-            age_s,
-            np.expm1(age_s / -COASTING_S),
-            self._means,
-            CERTAIN_SQUARE,
-        )
+        before_us = self._latest_us.copy()
+        self._latest_us[axle] = samples.t_us
+        age_s = (self._latest_us - before_us) * 1e-6
+        known = (age_s >= 0.0) & (age_s <= COASTING_AGE_S)
+        values = np.array([samples.slip, samples.adhesion])
+        slip, adhesion = np.where(known[axle], self._means[:, axle], values)
+        self._average(axle, values, np.where(known, -np.expm1(age_s / -COASTING_S), 1.0))
+        return carries_information(slip, adhesion, samples.slip_total_var, samples.adhesion_var)
+
+    def _average(self, axle: NDArray[np.int64], values: Array, gain: Array) -> None:
+        """Move the means of the axles with samples towards those of their samples.
+
+        Args:
+            axle: Number of each sample's axle, shape (n,).
+            values: Slip and adhesion of the samples, shape (2, n).
+            gain: Share of the way, shape (axles,).
+
+        """
+        axles = len(gain)
+        count = np.bincount(axle, minlength=axles)
+        # One sample after the other, slips and adhesions at once.
+        place = np.concatenate([axle, axle + axles])
+        sums = np.bincount(place, values.ravel(), 2 * axles).reshape(2, axles)
+        gain = np.where(count > 0, gain, 0.0)
+        self._means += gain * (sums / np.maximum(count, 1) - self._means)
 
     def _make_room(self, axles: int) -> None:
         """Make room for as many axles, those that are new without means."""
@@ -186,18 +196,15 @@ class OutlierGate(Stateful):
         self._suspect = 0
         self._times = 0
 
-    def passes(
-        self, size: Array, axle: NDArray[np.int64], largest: float | None = None
-    ) -> NDArray[np.bool_] | None:
+    def passes(self, size: Array, axle: NDArray[np.int64]) -> NDArray[np.bool_] | None:
         """Whether to use each sample, shape (n,); None for all.
 
         Args:
             size: Absolute residuals in standard deviations, shape (n,).
             axle: Number of each sample's axle, shape (n,).
-            largest: Largest of `size` where it is known.
 
         """
-        if not (size.max() if largest is None else largest) > self.FAR:
+        if not size.max() > self.FAR:
             self._times = 0
             return None
         suspect = int(axle[np.argmax(size)])

@@ -18,16 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import curve_sums, kernels
+from adhesion_can.estimation.tracker import curve_sums
 from adhesion_can.estimation.tracker.curve_sums import coefficients, interpolation
-from adhesion_can.estimation.tracker.layout import (
-    DOF,
-    SUMMARY_COVARIANCE,
-    SUMMARY_FALL,
-    SUMMARY_HEIGHT,
-    SUMMARY_MEDIANS,
-    SUMMARY_PLACE,
-)
+from adhesion_can.estimation.tracker.layout import DOF
+from adhesion_can.estimation.tracker.order_of_sums import sum_in_lanes
 from adhesion_can.estimation.tracker.prior import Prior, from_shape_coordinates
 from adhesion_can.estimation.tracker.proposal import propose
 from adhesion_can.normal_quantiles import NORMAL_90
@@ -38,6 +32,10 @@ FEWEST = 8
 """Least number of curves with a peak in a draw; with fewer the prior is drawn from."""
 FEWEST_SAMPLES = 1.0
 """Least degrees of freedom for a draw from the posterior; with fewer the prior is drawn from."""
+_FIRST, _SECOND = np.array([[0, 0, 0, 1, 1, 2, 3, 4], [0, 1, 2, 1, 2, 2, 3, 4]])
+"""Pairs of the columns of curves whose covariances a summary has."""
+_COVARIANCE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+"""Which of them stands where in the covariance of (c1, c2, c3)."""
 
 
 class NoisePrior(NamedTuple):
@@ -191,24 +189,49 @@ def join_parts(parts: list[tuple[Curves, Array]]) -> tuple[Curves, Array]:
 
 def summarise(curves: Curves, weights: Array) -> "CurveSummary":
     """Summary of curves with normalised weights."""
-    found = kernels.active.summarise(
-        weights, curves.order, curves.peaks_in_order, curves.limited_in_order, curves.columns
-    )
-    numbers = found.tolist()
-    mu_m, slip_m, shape = numbers[SUMMARY_MEDIANS]
-    fall, height_var, place_var, effective = numbers[SUMMARY_FALL:]
+    in_order = weights[curves.order]
+    shares = np.add.accumulate(in_order, axis=1) - 0.5 * in_order
+    mu_m, slip_m, shape = map(_value_at, [0.5] * 3, shares, curves.peaks_in_order)
+    mu_max, lambda_m = map(_quantiles, shares[:2], curves.limited_in_order)
+    mean = sum_in_lanes(weights * curves.columns)
+    deviation = curves.columns - mean[:, None]
+    weighted = weights * deviation
+    products = np.empty((len(_FIRST) + 1, len(weights)))
+    np.multiply(weighted[_FIRST], deviation[_SECOND], out=products[:-1])
+    np.multiply(weights, weights, out=products[-1])
+    sums = sum_in_lanes(products)
+    mu_max_var, lambda_m_var, squares = sums[-3:].tolist()
     return CurveSummary(
         mu_m,
         slip_m,
         shape,
-        tuple(numbers[SUMMARY_HEIGHT]),
-        tuple(numbers[SUMMARY_PLACE]),
-        found[SUMMARY_COVARIANCE].reshape(3, 3),
-        fall,
-        height_var,
-        place_var,
-        effective,
+        mu_max,
+        lambda_m,
+        sums[_COVARIANCE],
+        mean.item(2),
+        mu_max_var,
+        lambda_m_var,
+        1.0 / squares,
     )
+
+
+def _quantiles(shares: Array, values: Array) -> tuple[float, float, float]:
+    """5, 50 and 95 % quantiles of values."""
+    return (
+        _value_at(0.05, shares, values),
+        _value_at(0.5, shares, values),
+        _value_at(0.95, shares, values),
+    )
+
+
+def _value_at(probability: float, shares: Array, values: Array) -> float:
+    """Value at a probability, linear between the shares below the values, which ascend."""
+    place = int(shares.searchsorted(probability, side="right")) - 1
+    if place < 0 or place == len(values) - 1:
+        return values.item(max(place, 0))
+    begin, end = shares.item(place), shares.item(place + 1)
+    low, high = values.item(place), values.item(place + 1)
+    return (high - low) / (end - begin) * (probability - begin) + low
 
 
 class CurveSummary(NamedTuple):

@@ -22,15 +22,18 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.layout import (
     CORRECTED,
     DOF,
     LENGTH,
     MEASURED,
-    NEW_STD,
-    NODES,
     X_NODES,
+    A,
+    B,
+    C,
+    D,
+    E,
+    Z,
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import RunLengthSettings
@@ -40,6 +43,10 @@ LEFT_OUT = 16.0
 """Cost of leaving an update out, in units of σ², beyond the expectation by noise."""
 WIDEST = 1.5
 """Largest (elder − younger)/middle of three neighbouring ages; 1.5 is a factor of 2 each."""
+NEW_MEAN, NEW_STD = (0.3, 0.15), (0.4, 0.4)
+"""Prior mean and standard deviation of (c1, c3) of a new surface."""
+_NEW_PRECISION = (NEW_STD[0] ** -2.0, NEW_STD[1] ** -2.0)
+_NEW_SQUARE = (NEW_MEAN[0] / NEW_STD[0]) ** 2 + (NEW_MEAN[1] / NEW_STD[1]) ** 2
 
 
 class Evidence(NamedTuple):
@@ -174,20 +181,20 @@ class RunLengthHypotheses(Stateful):
                 by it, as if as many samples fewer had been seen (tempered likelihood).
 
         """
-        count, settings = self._count, self._settings
-        sums, old_cost = self._sums[:, :count], self._old_cost[:, :count]
-        freedom, halves = -1.0, kernels.NONE
+        sums, old_cost = self._sums[:, : self._count], self._old_cost[:, : self._count]
+        old, cost, det = _new_curve_costs(sums, old_cost, noise_var * inflation)
+        gain = 0.5 * (old - cost)
         if noise_dof is not None:
-            freedom = min(settings.noise_freedom, noise_dof)
+            freedom = min(self._settings.noise_freedom, noise_dof)
             halves = 0.5 * (freedom + sums[MEASURED, :, DOF] / inflation)
-        logs, gain = np.empty((2, 2, count, NODES)), np.empty((2, count, NODES))
-        terms = np.empty((count, NODES))
-        kernels.active.score_terms(sums, old_cost, noise_var * inflation, freedom, logs, gain)
-        used = logs if len(halves) else logs[:1]
-        np.log(used, out=used)
-        top = kernels.active.score(logs, gain, self._log_prior, halves, terms)
-        np.exp(terms, out=terms)
-        return np.asarray(top + np.log(terms.sum(axis=1)))
+            ratio = (freedom + np.maximum(old, 0.0)) / (freedom + cost)
+            # Noise may have risen. Where it seems to have fallen, in a span as short as this, the
+            # errors of the slips have not: their variances are stated, and would shrink with it.
+            gain = np.minimum(gain, halves[:, None] * np.log(ratio))
+        of_both = (self._log_prior - 0.5 * np.log(det)) + gain
+        terms = np.minimum(of_both[0], of_both[1])
+        top = terms.max(axis=1)
+        return np.asarray(top + np.log(np.exp(terms - top[:, None]).sum(axis=1)))
 
     def probability(self, log_factors: Array) -> float:
         """Posterior probability that the surface changed before one of the last updates."""
@@ -195,3 +202,34 @@ class RunLengthHypotheses(Stateful):
             return 0.0
         log_odds = float(np.logaddexp.reduce(log_factors)) + log(self._settings.false_alarm)
         return 1.0 / (1.0 + exp(-min(max(log_odds, -700.0), 700.0)))
+
+
+def _new_curve_costs(sums: Array, old_cost: Array, noise_var: float) -> tuple[Array, Array, Array]:
+    """J of the curve so far and of a new one at each node, both over σ².
+
+    Args:
+        sums: Sums of each hypothesis, both kinds, shape (2, k, LENGTH).
+        old_cost: J of the curve so far in them, shape (2, k).
+        noise_var: Variance σ² of the adhesion noise.
+
+    Returns:
+        J of the curve so far, shape (k, 1); the least of a new curve, with its prior, and the
+        determinant of the precision of (c1, c3), both of shape (2, k, NODES).
+
+    """
+    s = sums[..., : Z + 1] * (1.0 / noise_var)
+    p1, p3 = _NEW_PRECISION
+    # Corrected scores may give a negative sum of squares where slips do not determine c2.
+    a = np.maximum(s[..., A], 0.0) + p1
+    b = s[..., B]
+    d = np.maximum(s[..., D, None], 0.0) + p3
+    r1 = s[..., C] + p1 * NEW_MEAN[0]
+    r3 = s[..., E, None] + p3 * NEW_MEAN[1]
+    product = a * d
+    det = np.maximum(product - b * b, 1e-12 * product)
+    explained = (r1 * (d * r1 - (2.0 * r3) * b) + a * (r3 * r3)) / det
+    # Both are counted from J of the curve so far with the slips as measured.
+    old = old_cost[MEASURED, :, None] / noise_var
+    apart = old - old_cost[..., None] / noise_var
+    cost = np.maximum(s[..., Z, None] + (apart + _NEW_SQUARE) - explained, 0.0)
+    return old, cost, det

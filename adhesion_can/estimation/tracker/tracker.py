@@ -23,16 +23,15 @@ from adhesion_can.estimation.identifiability import (
     FALL_SIGNIFICANCE,
     IdentifiabilitySettings,
 )
-from adhesion_can.estimation.tracker import kernels
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
+from adhesion_can.estimation.tracker.common_errors import common_shift
 from adhesion_can.estimation.tracker.curve_sums import (
     bend_at,
-    common_shift,
-    increment,
     residual_at,
     slope_at,
     slope_by_adhesion,
 )
+from adhesion_can.estimation.tracker.increment import increment
 from adhesion_can.estimation.tracker.layout import BINS, CORRECTED, DOF, LENGTH
 from adhesion_can.estimation.tracker.memories import FadingMemories
 from adhesion_can.estimation.tracker.points import (
@@ -159,24 +158,13 @@ class Tracker(Stateful):
         points = build_points(samples, errors_in_variables=weigh)
         noise_var = self._memories.noise_var
         theta = current.theta
-        exponent = -theta[1] * points.slip
-        rows, largest, private_var, common_var = kernels.active.judge_residuals(
-            points.slip,
-            points.adhesion,
-            points.private_var,
-            points.common_var,
-            points.transient_var,
-            theta,
-            np.expm1(exponent),
-            np.exp(exponent),
-            noise_var,
-        )
-        good = self._gate.passes(rows[3], samples.axle, largest)
+        residual, slope = residual_at(points, theta), slope_at(points, theta)
+        slip_var = points.private_var + points.common_var
+        explained = noise_var + slope * slope * slip_var + points.transient_var
+        good = self._gate.passes(np.abs(residual) / np.sqrt(explained), samples.axle)
         if good is not None:
-            points, samples, rows = points.select(good), samples.select(good), rows[:, good]
-            private_var = float(points.private_var.max())
-            common_var = float(points.common_var.max())
-        residual, slope, explained, _ = rows
+            points, samples = points.select(good), samples.select(good)
+            residual, slope, explained = residual[good], slope[good], explained[good]
         unmeasured = np.count_nonzero(samples.load_std)
         self._load_var = (
             float(np.mean((samples.load_std / samples.load) ** 2)) if unmeasured else 0.0
@@ -184,10 +172,10 @@ class Tracker(Stateful):
         self._sign = points.sign.item(-1)
         moved = points
         own_slope = bend = None
-        if current.c2**2 * private_var > PRIVATE_ERROR_THRESHOLD:
+        if current.c2**2 * points.private_var.max() > PRIVATE_ERROR_THRESHOLD:
             # From the measured adhesion, whatever the slip.
             own_slope = slope_by_adhesion(points, current.theta)
-        if current.c2**2 * common_var > COMMON_ERROR_THRESHOLD:
+        if current.c2**2 * points.common_var.max() > COMMON_ERROR_THRESHOLD:
             moved = common_shift(points, current.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, current.theta), slope_at(moved, current.theta)
@@ -380,4 +368,6 @@ def _with_estimate(interval: tuple[float, float], value: float) -> tuple[float, 
 
 def _reach(histogram: Array, share: float, slip_max: float) -> float:
     """Slip ratio that a share of the samples exceeds, by the lower edge of its bin."""
-    return max(kernels.active.count_reached(histogram, share) - 1, 0) * slip_max / BINS
+    beyond = histogram[::-1].cumsum()
+    count = int(np.count_nonzero((beyond > 0.0) & (beyond >= share * beyond[-1])))
+    return max(count - 1, 0) * slip_max / BINS
