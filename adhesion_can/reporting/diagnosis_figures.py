@@ -29,6 +29,7 @@ from adhesion_can.reporting.charts import (
     axis,
     insert_gaps,
     panel_layout,
+    peak_mark,
     place,
     scatter,
     suffix,
@@ -260,23 +261,9 @@ def _peak(estimate: Estimate, style: Trace) -> list[Trace]:
     """Peak with its standard deviations, where it is identifiable."""
     if not estimate.identifiable.both:
         return []
-    colour = style["line"]["color"]
-
-    def bars(std: float | None) -> Trace:
-        return whiskers(_known(np.array([std])), color=DARK, thickness=1.4, width=4)
-
-    return [
-        scatter(
-            "markers",
-            f"peak, {style['name']}",
-            [estimate.lambda_m],
-            [estimate.mu_max],
-            showlegend=False,
-            error_x=bars(estimate.lambda_m_std),
-            error_y=bars(estimate.mu_max_std),
-            marker={"color": colour, "size": 10, "symbol": "diamond"},
-        )
-    ]
+    peak = (estimate.lambda_m, estimate.lambda_m_std), (estimate.mu_max, estimate.mu_max_std)
+    colours = style["line"]["color"], DARK
+    return [peak_mark(f"peak, {style['name']}", *peak, colours, showlegend=False)]
 
 
 # ------------------------------------------------------------------------------- ingredients

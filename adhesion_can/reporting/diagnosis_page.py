@@ -44,17 +44,15 @@ from adhesion_can.reporting.evidence import (
     untested_outcome,
 )
 from adhesion_can.reporting.model_parts import model_parts
-from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
-from adhesion_can.result_text import HELD_OUT_RMSE, plus_minus
-
-Parts = list[Text | Items | Table | Figure]
+from adhesion_can.reporting.page import Items, Page, Part, Table, Text
+from adhesion_can.result_text import HELD_OUT_RMSE, beginnings, plus_minus
 
 
 def page(
     found: Diagnosis,
     provenance: Mapping[str, str],
     problems: Sequence[str] = (),
-    drives: Sequence[Text | Figure | Table] = (),
+    drives: Sequence[Part] = (),
 ) -> Page:
     """Build the page of a diagnosis.
 
@@ -62,10 +60,10 @@ def page(
         found: Result of the diagnosis.
         provenance: Version, command, database and configuration by name.
         problems: Sentence for each problem of an input.
-        drives: Parts that show the recordings over time; () where there are none.
+        drives: list[Part] that show the recordings over time; () where there are none.
 
     """
-    sections: dict[str, Sequence[Text | Items | Table | Figure]] = {
+    sections: dict[str, Sequence[Part]] = {
         "What the simulation gets wrong": _wrong(found),
         "Refuted explanations that help": [
             Items(closest_sentences(found))
@@ -92,15 +90,8 @@ def page(
         sections=sections,
         provenance=provenance,
         next_step=found.next_step,
-        begin=_begin(found),
+        begin=beginnings([*found.begins.items()]),
     )
-
-
-def _begin(found: Diagnosis) -> str:
-    """Time 0 of each recording, a sentence each."""
-    many = len(found.begins) > 1
-    headings = (recording_times(found, name).heading(name if many else "") for name in found.begins)
-    return " ".join(heading for heading in headings if heading)
 
 
 def _lead(found: Diagnosis) -> str:
@@ -119,8 +110,8 @@ def _lead(found: Diagnosis) -> str:
 # ----------------------------------------------------------------------------------- sections
 
 
-def _wrong(found: Diagnosis) -> Parts:
-    parts: Parts = [
+def _wrong(found: Diagnosis) -> list[Part]:
+    parts: list[Part] = [
         Items(found.wrong) if found.wrong else Text("Nothing, as far as these data show.")
     ]
     if found.causes:
@@ -134,7 +125,7 @@ def _wrong(found: Diagnosis) -> Parts:
     return parts
 
 
-def _environments(found: Diagnosis) -> Parts:
+def _environments(found: Diagnosis) -> list[Part]:
     if not found.environments:
         return [
             Text(
@@ -142,7 +133,7 @@ def _environments(found: Diagnosis) -> Parts:
                 "data."
             )
         ]
-    parts: Parts = [
+    parts: list[Part] = [
         Text(
             "The size of each effect is estimated again in parts of the data. A cause has one "
             "size: sizes that differ significantly and by more than 30 % refute it."
@@ -156,7 +147,7 @@ def _environments(found: Diagnosis) -> Parts:
     return [*parts, Table(caption, ENVIRONMENT_COLUMNS, widest)]
 
 
-def _gain(found: Diagnosis) -> Parts:
+def _gain(found: Diagnosis) -> list[Part]:
     if found.gain is None:
         return [Text("Not measured: the data are not sufficient for a verdict.")]
     gain = found.gain
@@ -170,7 +161,7 @@ def _gain(found: Diagnosis) -> Parts:
     return [figure, Items(held)] if held else [figure]
 
 
-def _simulation_plots(found: Diagnosis) -> Parts:
+def _simulation_plots(found: Diagnosis) -> list[Part]:
     prediction = found.plots.prediction
     if prediction is not None:
         return [prediction_figure(prediction, extended=has_extension(found))]
@@ -182,14 +173,14 @@ def _simulation_plots(found: Diagnosis) -> Parts:
     ]
 
 
-def _profile(found: Diagnosis) -> Parts:
+def _profile(found: Diagnosis) -> list[Part]:
     if found.profile is None:
         return [Text("No channel was named, so there is no residual to show over one.")]
     return [profile_figure(found.profile)]
 
 
-def _curve(found: Diagnosis) -> Parts:
-    parts: Parts = []
+def _curve(found: Diagnosis) -> list[Part]:
+    parts: list[Part] = []
     longest, curves = found.longest_segment, found.curves
     if longest is not None and curves is not None:
         times, extended = recording_times(found, longest.recording), has_extension(found)
@@ -243,7 +234,7 @@ def _family_table(found: Diagnosis) -> Table:
     return Table(caption, FAMILY_COLUMNS, family_rows(found.families), note)
 
 
-def _evidence(found: Diagnosis) -> Parts:
+def _evidence(found: Diagnosis) -> list[Part]:
     if not evidence_rows(found.evidence):
         return [Text("No effect could be tested.")]
     note = (
@@ -252,11 +243,11 @@ def _evidence(found: Diagnosis) -> Parts:
     )
     rows = evidence_rows(found.evidence)
     caption = f"{evidence_title(found.evidence)}."
-    parts: Parts = [model_figure(found.models)] if len(found.models) > 1 else []
+    parts: list[Part] = [model_figure(found.models)] if len(found.models) > 1 else []
     return [*parts, Table(caption, EVIDENCE_COLUMNS, rows, note)]
 
 
-def _channels(found: Diagnosis) -> Parts:
+def _channels(found: Diagnosis) -> list[Part]:
     if not found.channels:
         return [Text("No channel could be tested.")]
     note = (
@@ -268,9 +259,9 @@ def _channels(found: Diagnosis) -> Parts:
     return [Table(caption, CHANNEL_COLUMNS, channel_rows(found.channels), note)]
 
 
-def _drives_that_tell(found: Diagnosis) -> Parts:
+def _drives_that_tell(found: Diagnosis) -> list[Part]:
     """What a drive left of the explanations, and the next one that would separate."""
-    parts: Parts = []
+    parts: list[Part] = []
     if found.remaining is not None:
         parts.append(Text(found.remaining.sentence))
     next_drive = found.next_drive
@@ -299,7 +290,7 @@ def _drives_that_tell(found: Diagnosis) -> Parts:
     return parts
 
 
-def _rivals(found: Diagnosis) -> Parts:
+def _rivals(found: Diagnosis) -> list[Part]:
     rivals = dict.fromkeys(rival for cause in found.causes for rival in cause.rivals)
     needed = needed_sentence(found)
     if not rivals:
@@ -311,7 +302,7 @@ def _rivals(found: Diagnosis) -> Parts:
     ]
 
 
-def _untested(found: Diagnosis) -> Parts:
+def _untested(found: Diagnosis) -> list[Part]:
     if not found.untested:
         return [Text("Everything was tested.")]
     rows = [
@@ -326,13 +317,13 @@ def _untested(found: Diagnosis) -> Parts:
     return [Table("What is no finding, and why.", columns, rows, note, sentence_columns=(1, 2))]
 
 
-def _model(found: Diagnosis) -> Parts:
+def _model(found: Diagnosis) -> list[Part]:
     if found.model is None or not has_extension(found):
         return [Text("There is no extension: the plain curve remains.")]
     return model_parts(found.model, {cause.effect for cause in found.causes})
 
 
-def _inputs(found: Diagnosis, problems: Sequence[str]) -> Parts:
+def _inputs(found: Diagnosis, problems: Sequence[str]) -> list[Part]:
     held = found.held_out_files
     rows = [
         (
@@ -343,7 +334,7 @@ def _inputs(found: Diagnosis, problems: Sequence[str]) -> Parts:
         )
         for s in found.input_files
     ]
-    parts: Parts = [Table("Files, and the rows used of each.", _INPUT_COLUMNS, rows)]
+    parts: list[Part] = [Table("Files, and the rows used of each.", _INPUT_COLUMNS, rows)]
     lost = [f"{count}: {reason}" for reason, count in found.lost.items() if count]
     if lost:
         parts += [Text("Rows and signals not used:"), Items(lost)]
