@@ -96,7 +96,7 @@ class TimeScale:
 
 
 def beginnings(drives: Sequence[tuple[str, int | None]]) -> str:
-    """Time 0 of recordings, a sentence each, by their names and first stamps, µs; None: no stamp."""
+    """Time 0 of recordings, a sentence each, by name and first stamp, µs; None: it has no stamp."""
     headings = (
         TimeScale.beginning_at(first_us).heading(name if len(drives) > 1 else "")
         for name, first_us in drives
