@@ -25,20 +25,18 @@ from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.diagnosis_tables import (
     ENVIRONMENT_COLUMNS,
+    EVIDENCE_COLUMNS,
+    EVIDENCE_NOTE,
     FAMILY_COLUMNS,
     FAMILY_TITLE,
     SHAPE_NOTE,
     cause_rows,
-    environment_rows,
-    family_rows,
-    is_shape_named,
-)
-from adhesion_can.reporting.evidence import (
-    EVIDENCE_COLUMNS,
-    EVIDENCE_NOTE,
     decision_note,
+    environment_rows,
     evidence_rows,
     evidence_title,
+    family_rows,
+    is_shape_named,
     untested_outcome,
 )
 from adhesion_can.reporting.text import FittingTable

@@ -15,6 +15,7 @@ from adhesion_can.reporting.diagnosis import (
 )
 from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
+    environment_figure,
     family_figure,
     gain_figure,
     model_figure,
@@ -23,24 +24,21 @@ from adhesion_can.reporting.diagnosis_figures import (
     simulation_figure,
 )
 from adhesion_can.reporting.diagnosis_tables import (
+    CHANNEL_COLUMNS,
     ENVIRONMENT_COLUMNS,
+    EVIDENCE_COLUMNS,
+    EVIDENCE_NOTE,
     FAMILY_COLUMNS,
     FAMILY_TITLE,
     SHAPE_NOTE,
     cause_rows,
-    environment_rows,
-    family_rows,
-    is_shape_named,
-)
-from adhesion_can.reporting.environment_figure import environment_figure
-from adhesion_can.reporting.evidence import (
-    CHANNEL_COLUMNS,
-    EVIDENCE_COLUMNS,
-    EVIDENCE_NOTE,
     channel_rows,
     decision_note,
+    environment_rows,
     evidence_rows,
     evidence_title,
+    family_rows,
+    is_shape_named,
     untested_outcome,
 )
 from adhesion_can.reporting.model_parts import model_parts
