@@ -1,4 +1,4 @@
-"""A session of `monitor`: source, state and recorder, and times as people type them; no terminal."""
+"""A session of `monitor`: source, state and recorder, and times as people type them."""
 
 import time
 from collections.abc import Callable

@@ -181,11 +181,6 @@ class FleetDiagnosis:
         return any(one.compared for one in self.kinds)
 
     @property
-    def least_vehicles(self) -> int:
-        """Number of vehicles from which those of a kind are compared with each other."""
-        return LEAST_VEHICLES
-
-    @property
     def named(self) -> tuple[VehicleSummary, ...]:
         """Vehicles with a finding, the worst first."""
         return tuple(one for one in self.vehicles if one.findings)

@@ -80,7 +80,7 @@ def _name_with_sizes(closest: ClosestExplanation) -> str:
 def _noise_sentence(found: Diagnosis) -> Iterator[str]:
     """How far what is left is above the sensors' noise; none where it is not."""
     noise = found.noise
-    if noise is None or not noise.exceeds or noise.sensors is None or noise.ratio is None:
+    if noise is None or not noise.is_exceeded or noise.sensors is None or noise.ratio is None:
         return
     yield (
         f"Sensor noise explains an RMSE of {three_digits(noise.sensors)}. With every known effect "
