@@ -157,14 +157,6 @@ class UserChannels(NamedTuple):
     choices: tuple[SignalChoice, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Texts:
-    """What a channel has beside its signal."""
-
-    unit: str
-    label: str
-
-
 def load_channels(value: object, where: str) -> UserChannels:
     """Channels from the section `[channels]`.
 
@@ -184,18 +176,17 @@ def load_channels(value: object, where: str) -> UserChannels:
         if name in _RESERVED:
             raise ConfigError(place, "a built-in channel has this name", "choose another name")
         table = {"signal": stated} if isinstance(stated, str) else table_of(stated, place)
-        texts = _texts(table, place)
+        unit, label = (_pop_text(table, key, place) for key in ("unit", "label"))
         choice = load_choice(Role.CHANNEL, number, table, place)
         # The unit is for reports: the values stay as they are.
         choices.append(replace(choice, unit=""))
-        channels.append(UserChannel(name, texts.unit, texts.label))
+        channels.append(UserChannel(name, unit, label))
     return UserChannels(tuple(channels), tuple(choices))
 
 
-def _texts(table: dict[str, Any], place: str) -> _Texts:
-    """Unit and label, taken out of the table of a channel."""
-    found: Mapping[str, Any] = {key: table.pop(key, "") for key in ("unit", "label")}
-    for key, value in found.items():
-        if not isinstance(value, str):
-            raise ConfigError(f"{place}.{key}", f"{value!r} is not a string", "write it in quotes")
-    return _Texts(found["unit"], found["label"])
+def _pop_text(table: dict[str, Any], key: str, place: str) -> str:
+    """Text that a channel has beside its signal, taken out of its table."""
+    value = table.pop(key, "")
+    if not isinstance(value, str):
+        raise ConfigError(f"{place}.{key}", f"{value!r} is not a string", "write it in quotes")
+    return value
