@@ -91,6 +91,11 @@ class FieldColumn(NamedTuple):
     values: NDArray[Any]
     missing: NDArray[np.bool_] | None = None
 
+    def select(self, rows: slice | NDArray[np.int64]) -> "FieldColumn":
+        """Some of the rows, in their order."""
+        missing = None if self.missing is None else self.missing[rows]
+        return FieldColumn(self.values[rows], missing)
+
 
 class GroupRows(NamedTuple):
     """Rows of one group.
@@ -113,10 +118,7 @@ class GroupRows(NamedTuple):
         """The rows whose position is first .. end - 1, counted from `first`."""
         low, high = np.searchsorted(self.position, (first, end))
         part = slice(int(low), int(high))
-        columns = [
-            FieldColumn(c.values[part], None if c.missing is None else c.missing[part])
-            for c in self.columns
-        ]
+        columns = [column.select(part) for column in self.columns]
         return GroupRows(self.group, self.position[part] - first, self.t_ns[part], columns)
 
 

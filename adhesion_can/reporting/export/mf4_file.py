@@ -146,10 +146,7 @@ def _sort_by_time(rows: GroupRows) -> GroupRows:
     if (np.diff(rows.t_ns) >= 0).all():
         return rows
     order = np.argsort(rows.t_ns, kind="stable")
-    columns = [
-        FieldColumn(c.values[order], None if c.missing is None else c.missing[order])
-        for c in rows.columns
-    ]
+    columns = [column.select(order) for column in rows.columns]
     return rows._replace(t_ns=rows.t_ns[order], columns=columns)
 
 
