@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
     span.add_argument("--to", dest="to_s", type=float, metavar="S")
     parser.add_argument(
-        "--realtime", action="store_true", help=("at the original speed of the recording")
+        "--realtime", action="store_true", help="at the original speed of the recording"
     )
     add_model(parser, MODEL_ONLINE)
     add_report(parser)
