@@ -18,52 +18,28 @@ from typing import TYPE_CHECKING, Any
 from adhesion_can.version import __version__
 
 if TYPE_CHECKING:
-    from adhesion_can.api.calibration import calibrate
-    from adhesion_can.api.configuration import load_configuration
-    from adhesion_can.api.diagnosis import diagnose
-    from adhesion_can.api.evaluation import evaluate
-    from adhesion_can.api.identification import identify
-    from adhesion_can.api.replay import SetpointTable, replay
-    from adhesion_can.api.simulation import SimulatedDrive, simulate
-    from adhesion_can.bus.frame import Frame
-    from adhesion_can.calibration.fit import Calibration
-    from adhesion_can.config.configuration import Configuration
-    from adhesion_can.diagnosis.evaluate import Evaluation
-    from adhesion_can.diagnosis.result import Diagnosis
-    from adhesion_can.errors import AdhesionCanError
-    from adhesion_can.estimation.batch_result import BatchResult
-    from adhesion_can.estimation.extended.model import ExtendedModel
-    from adhesion_can.estimation.tracker.tracker import Tracker
-    from adhesion_can.physics.estimate import Estimate
-    from adhesion_can.physics.samples import Samples
-    from adhesion_can.recordings.recording import Recording
-    from adhesion_can.service.core import ServiceCore
-
-__all__ = [
-    "AdhesionCanError",
-    "BatchResult",
-    "Calibration",
-    "Configuration",
-    "Diagnosis",
-    "Estimate",
-    "Evaluation",
-    "ExtendedModel",
-    "Frame",
-    "Recording",
-    "Samples",
-    "ServiceCore",
-    "SetpointTable",
-    "SimulatedDrive",
-    "Tracker",
-    "__version__",
-    "calibrate",
-    "diagnose",
-    "evaluate",
-    "identify",
-    "load_configuration",
-    "replay",
-    "simulate",
-]
+    from adhesion_can.api.calibration import calibrate as calibrate
+    from adhesion_can.api.configuration import load_configuration as load_configuration
+    from adhesion_can.api.diagnosis import diagnose as diagnose
+    from adhesion_can.api.evaluation import evaluate as evaluate
+    from adhesion_can.api.identification import identify as identify
+    from adhesion_can.api.replay import SetpointTable as SetpointTable
+    from adhesion_can.api.replay import replay as replay
+    from adhesion_can.api.simulation import SimulatedDrive as SimulatedDrive
+    from adhesion_can.api.simulation import simulate as simulate
+    from adhesion_can.bus.frame import Frame as Frame
+    from adhesion_can.calibration.fit import Calibration as Calibration
+    from adhesion_can.config.configuration import Configuration as Configuration
+    from adhesion_can.diagnosis.evaluate import Evaluation as Evaluation
+    from adhesion_can.diagnosis.result import Diagnosis as Diagnosis
+    from adhesion_can.errors import AdhesionCanError as AdhesionCanError
+    from adhesion_can.estimation.batch_result import BatchResult as BatchResult
+    from adhesion_can.estimation.extended.model import ExtendedModel as ExtendedModel
+    from adhesion_can.estimation.tracker.tracker import Tracker as Tracker
+    from adhesion_can.physics.estimate import Estimate as Estimate
+    from adhesion_can.physics.samples import Samples as Samples
+    from adhesion_can.recordings.recording import Recording as Recording
+    from adhesion_can.service.core import ServiceCore as ServiceCore
 
 _MODULES = {
     "AdhesionCanError": "errors",
@@ -89,6 +65,9 @@ _MODULES = {
     "replay": "api.replay",
     "simulate": "api.simulation",
 }
+
+__all__ = ["__version__"]
+__all__ += list(_MODULES)
 
 
 def __getattr__(name: str) -> Any:

@@ -1,5 +1,15 @@
 """The errors that a caller may want to catch, in one small tree.
 
+    AdhesionCanError
+        InputError               something that the user handed in
+            ConfigError          a configuration, a model or a plan
+            DatabaseError        a CAN database
+            RecordingError       a recording
+            TableError           a table of samples
+            BusError             a bus
+            PluginError          an installed extension
+        LimitError               a file that takes more than its reader may (recordings.limited)
+
 Every message names what is wrong, where, and how to fix it, on one line.
 """
 

@@ -93,3 +93,13 @@ class TimeScale:
         if not self.begin:
             return ""
         return f"Time 0{f' of {name}' if name else ''} is {self.begin}."
+
+
+def beginnings(drives: Sequence[tuple[str, int | None]]) -> str:
+    """Time 0 of recordings, a sentence each, by name and first stamp, µs; None: it has no stamp."""
+    headings = (
+        TimeScale.beginning_at(first_us).heading(name if len(drives) > 1 else "")
+        for name, first_us in drives
+        if first_us is not None
+    )
+    return " ".join(filter(None, headings))

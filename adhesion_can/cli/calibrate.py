@@ -41,7 +41,7 @@ from adhesion_can.reporting.calibration import (
     speed_lines,
 )
 from adhesion_can.reporting.calibration_page import CoastingPlots, page
-from adhesion_can.reporting.next_steps.after_calibration import after_calibration
+from adhesion_can.reporting.next_steps.after_recording import after_calibration
 from adhesion_can.reporting.page import Page
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import FittingTable

@@ -24,7 +24,6 @@ from adhesion_can.recordings.tables.sample_table import read_table
 from adhesion_can.reporting.check_page import (
     COLUMN_COLUMNS,
     NOISE_COLUMNS,
-    SIGNAL_COLUMNS,
     column_rows,
     noise_row,
     recording_page,
@@ -33,6 +32,7 @@ from adhesion_can.reporting.check_page import (
 )
 from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, Checked, legend, verdict
 from adhesion_can.reporting.data_quality import MESSAGE_COLUMNS, message_rows
+from adhesion_can.reporting.drive.signal_panels import SIGNAL_COLUMNS
 from adhesion_can.reporting.next_steps.after_recording import after_check
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.text import FittingTable

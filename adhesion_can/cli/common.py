@@ -30,7 +30,7 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
         "--config", type=Path, metavar="F", help="vehicle, database and roles (TOML)"
     )
     group.add_argument(
-        "--dbc", type=Path, metavar="F", help=("CAN database (default: the packaged one)")
+        "--dbc", type=Path, metavar="F", help="CAN database (default: the packaged one)"
     )
     add_lenient(group)
 

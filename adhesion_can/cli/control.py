@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     document = {
         "received": loop.received,
         "rejected": frames.receiver.rejected,
-        "steps": loop.steps,
+        "steps": loop.progress.steps,
         "sent": bus.sent,
         "send_errors": bus.send_errors,
         "share_of_steps": loop.progress.shares(),
@@ -156,10 +156,6 @@ class _Loop:
         self._silence = silence
         self._stopped = False
         self.received = 0
-
-    @property
-    def steps(self) -> int:
-        return self.progress.steps
 
     def stop(self, _: int, __: FrameType | None) -> None:
         self._stopped = True

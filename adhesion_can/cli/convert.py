@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "available', are written as numbers."
     )
     parser.add_argument(
-        "log", nargs="+", type=Path, metavar="LOG", help=("decoded one after the other")
+        "log", nargs="+", type=Path, metavar="LOG", help="decoded one after the other"
     )
     parser.add_argument(
         "--dbc",

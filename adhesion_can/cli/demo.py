@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--duration", type=float, default=40.0, metavar="S", help="default 40")
     parser.add_argument(
-        "--headless", action="store_true", help=("print lines instead of a live view")
+        "--headless", action="store_true", help="print lines instead of a live view"
     )
     parser.add_argument(
         "--out",

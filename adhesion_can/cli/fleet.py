@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names.add_argument(
         "--vehicle",
         metavar="REGEX",
-        help=("regular expression on the whole path; its first group is the name"),
+        help="regular expression on the whole path; its first group is the name",
     )
     names.add_argument(
         "--units",
@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     cluster.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help=("scheduler of a cluster, as tcp://HOST:8786 (default: this machine)"),
+        help="scheduler of a cluster, as tcp://HOST:8786 (default: this machine)",
     )
     cluster.add_argument(
         "--workers", type=int, metavar="N", help="processes on this machine (default: one per core)"

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from adhesion_can.cli.common import own_command
+from adhesion_can.cli.next_step import column_words, configuration_words
 from adhesion_can.reporting.next_steps.next_step import NextStep
 
 # These need the extra, which only the command itself does, and not its help.
@@ -110,7 +111,10 @@ def _command(one: _Work, by_path: "Mapping[str, Unit]", options: argparse.Namesp
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", one.who)
     words = [own_command(), "calibrate" if one.coasting else "diagnose", *map(_local, chosen)]
     words += ["--out", f"{name}.toml"] if one.coasting else ["--html", f"{name}.html"]
-    words += _repeated(config, options, table=not one.coasting)
+    words += configuration_words(
+        argparse.Namespace(**vars(options) | {"config": config or options.config})
+    )
+    words += () if one.coasting else column_words(options)
     remote = [path for path in chosen if "://" in path]
     fetch = f"fetch {', '.join(remote)}, then " if remote else ""
     return NextCommand(one.who, f"{fetch}{shlex.join(words)}")
@@ -122,14 +126,3 @@ def _local(path: str) -> str:
         return path.partition("?")[0].rsplit("/", 1)[-1]
     here = Path.cwd()
     return str(Path(path).relative_to(here)) if Path(path).is_relative_to(here) else path
-
-
-def _repeated(config: str | None, options: argparse.Namespace, *, table: bool) -> list[str]:
-    """Options with which the units were read."""
-    named = {"--config": config or options.config, "--dbc": options.dbc}
-    words = [str(word) for name, path in named.items() if path is not None for word in (name, path)]
-    words += ["--lenient"] * options.lenient
-    if table:
-        words += [word for column in options.column for word in ("--column", column)]
-        words += ["--assume", options.assume] if options.assume else []
-    return words

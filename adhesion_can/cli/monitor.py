@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("log", nargs="*", type=Path, metavar="LOG")
     parser.add_argument(
-        "--plain", action="store_true", help=("print a line at each interval, for pipes")
+        "--plain", action="store_true", help="print a line at each interval, for pipes"
     )
     add_json(parser, "write one JSON object per line at each interval")
     parser.add_argument(
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="S",
-        help=("start at this time of a recording"),
+        help="start at this time of a recording",
     )
     add_file(parser, "--record", "F", "record all frames as candump", require_candump_name)
     parser.add_argument("--duration", type=float, metavar="S", help="end after this time")

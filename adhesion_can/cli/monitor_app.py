@@ -6,6 +6,7 @@ Needs the extra `tui` (Textual); it is imported where a terminal is to be drawn 
 import asyncio
 import os
 import signal
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar
@@ -224,11 +225,10 @@ class MonitorApp(App[None]):
         self.view.focus()
         self.turn()
 
-    def _guarded(self, work: object) -> None:
+    def _guarded(self, work: Callable[[], None]) -> None:
         """Do what may be refused, and say why it was."""
         try:
-            if callable(work):
-                work()
+            work()
         except InputError as error:
             self.notify(str(error), severity="error")
         self.turn()

@@ -1,14 +1,14 @@
-"""A session of `monitor`: source, state and recorder, without any terminal."""
+"""A session of `monitor`: source, state and recorder, and times as people type them."""
 
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from adhesion_can.bus.frame import Frame
-from adhesion_can.cli.clock_times import typed_time
 from adhesion_can.cli.monitor_log import LogSource
 from adhesion_can.cli.monitor_source import Source
 from adhesion_can.config import Configuration
@@ -173,3 +173,39 @@ class _Recorder:
 
     def close(self) -> None:
         self._stack.close()
+
+
+FIX = "give seconds or minutes:seconds, as 120, 2:00 or +10"
+
+
+def typed_time(text: str, what: str) -> tuple[float, bool]:
+    """Time that was typed, s, and whether it has a sign.
+
+    Args:
+        text: Seconds, minutes:seconds or hours:minutes:seconds, perhaps with + or - in front.
+        what: What asks for it, for the error.
+
+    Raises:
+        InputError: It is not a time.
+
+    """
+    bare = text.strip()
+    sign = bare[:1] if bare[:1] in ("+", "-") else ""
+    parts = bare.removeprefix(sign).split(":")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    whole = all(number.is_integer() for number in numbers[:-1])
+    below = all(number < 60 for number in numbers[1:])
+    if not (
+        1 <= len(numbers) <= 3
+        and all(isfinite(number) and number >= 0 for number in numbers)
+        and whole
+        and below
+    ):
+        raise InputError(f"{what} {text!r}", "is not a time", FIX)
+    seconds = 0.0
+    for number in numbers:
+        seconds = 60.0 * seconds + number
+    return (-seconds if sign == "-" else seconds), bool(sign)

@@ -19,23 +19,12 @@ def typed_words(
         tables: Whether they are tables.
 
     """
-    configuration = []
-    for name in ("config", "dbc"):
-        path = getattr(options, name, None)
-        if path is not None:
-            configuration += [f"--{name}", str(path)]
-    if getattr(options, "lenient", False):
-        configuration.append("--lenient")
-    columns = [word for text in getattr(options, "column", ()) for word in ("--column", text)]
-    assume = getattr(options, "assume", None)
-    if assume is not None:
-        columns += ["--assume", assume]
     return Typed(
         inputs=tuple(inputs),
         tables=tables,
         program=own_command(),
-        configuration=tuple(configuration),
-        columns=tuple(columns),
+        configuration=configuration_words(options),
+        columns=column_words(options),
         formulas=tuple(getattr(options, "formula", ())),
         holdout=tuple(getattr(options, "holdout", ())),
         model=getattr(options, "model", None),
@@ -45,3 +34,17 @@ def typed_words(
             if one.is_file and (value := one.value(options)) not in (None, "-")
         },
     )
+
+
+def configuration_words(options: argparse.Namespace) -> tuple[str, ...]:
+    """Options that name configuration and database, with their values."""
+    named = {name: getattr(options, name, None) for name in ("config", "dbc")}
+    words = (word for name, path in named.items() if path for word in (f"--{name}", str(path)))
+    return (*words, *(["--lenient"] if getattr(options, "lenient", False) else []))
+
+
+def column_words(options: argparse.Namespace) -> tuple[str, ...]:
+    """Options that say what the columns of a table are, with their values."""
+    columns = (word for text in getattr(options, "column", ()) for word in ("--column", text))
+    assume = getattr(options, "assume", None)
+    return (*columns, *([] if assume is None else ["--assume", assume]))

@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     span.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S")
     span.add_argument("--to", dest="to_s", type=float, metavar="S")
     parser.add_argument(
-        "--realtime", action="store_true", help=("at the original speed of the recording")
+        "--realtime", action="store_true", help="at the original speed of the recording"
     )
     add_model(parser, MODEL_ONLINE)
     add_report(parser)
@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
 
 
-def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after another
+def run(options: argparse.Namespace) -> int:
     """Run the command."""
     _require_span(options)
     config = configuration(options)
@@ -93,12 +93,14 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
     make = partial(config.make_estimator, options.estimator)
     make()  # an unknown name is an error before the work, not after it
     recordings = open_recordings(options.log)
-    setpoints = SetpointCounts()
     origin = provenance(config, options.log)
     slip_max = config.estimators.identifiability.slip_max
-    recorder = DriveRecorder(slip_max)
+    recorder, has_page = DriveRecorder(slip_max), is_asked_for(options)
+    setpoints = recorder.counts
     collector, channel, seen = MisfitCollector(config), _Channel(), SeenIds()
-    of_setpoints: list[Callable[[int, Outputs], None]] = [setpoints.add]
+    of_setpoints: list[Callable[[int, Outputs], None]] = [
+        recorder.add if has_page else setpoints.add
+    ]
     of_samples: list[Callable[[Samples], None]] = [collector.add]
     with ExitStack() as stack:
         if options.table:
@@ -108,9 +110,7 @@ def run(options: argparse.Namespace) -> int:  # noqa: PLR0915  one thing after a
                 sample_table(options.samples, texts(origin), config.covariates(), slip_max)
             )
             of_samples.append(lambda samples: to_table(samples, core.estimate))
-        has_page = is_asked_for(options)
         if has_page:
-            of_setpoints.append(recorder.add)
             of_samples.append(recorder.add_samples)
         frames = stack.enter_context(whole_file(options.frames)) if options.frames else None
 

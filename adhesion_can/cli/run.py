@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_file(parser, "--state", "F", about)
     add_wait(parser)
     parser.add_argument(
-        "--dry-run", action="store_true", help=("listen and identify, but send nothing")
+        "--dry-run", action="store_true", help="listen and identify, but send nothing"
     )
     parser.add_argument(
         "--secoc-key", type=Path, metavar="F", help="key file: send authenticated CAN FD frames"

@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=float, metavar="S", help="default 60, or the duration of the plan"
     )
     parser.add_argument(
-        "--seed", type=int, default=1, metavar="N", help=("seed of the noise (default 1)")
+        "--seed", type=int, default=1, metavar="N", help="seed of the noise (default 1)"
     )
     add_file(parser, "--log", "F.log", "write candump text", require_candump_name)
     add_file(parser, "--truth", "F.json", "write the true values")
@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
     )
     parser.add_argument(
-        "--load-transfer", action="store_true", help=("transfer axle load under effort")
+        "--load-transfer", action="store_true", help="transfer axle load under effort"
     )
     parser.add_argument(
         "--along-track",

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from adhesion_can.bus.database import DATABASE_SUFFIXES, load_database
 from adhesion_can.bus.roles import OPTIONAL_MESSAGES, packaged_choices
-from adhesion_can.config.channels_section import load_channels
 from adhesion_can.config.configuration import Configuration
-from adhesion_can.config.roles_section import load_roles
+from adhesion_can.config.roles_section import load_channels, load_roles
 from adhesion_can.config.table_section import load_table_section
 from adhesion_can.config.toml_tables import (
     load_toml,

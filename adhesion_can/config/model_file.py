@@ -116,9 +116,7 @@ def _model(document: dict[str, Any], where: str) -> ExtendedModel:
 
 
 def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | None]:
-    reject_unknown_keys(
-        {k: v for k, v in table.items() if k not in _EFFECT_KEYS}, where, _EFFECT_KEYS
-    )
+    reject_unknown_keys(table, where, _EFFECT_KEYS)
     effect = _definition(table, where)
     values = _values(table, effect.parameters, f"{where}.parameters")
     covariance = _covariance(table, len(values), f"{where}.covariance")
@@ -128,9 +126,7 @@ def _effect(table: dict[str, Any], where: str) -> tuple[ActiveEffect, Matrix | N
 def _curve(value: object, where: str) -> BaseCurve:
     """Base curve of another family than Burckhardt's."""
     table = table_of(value, where)
-    reject_unknown_keys(
-        {k: v for k, v in table.items() if k not in _CURVE_KEYS}, where, _CURVE_KEYS
-    )
+    reject_unknown_keys(table, where, _CURVE_KEYS)
     if "family" not in table:
         raise ConfigError(f"{where}.family", "missing", "write the name of the curve family")
     name = typed(table["family"], str, f"{where}.family")

@@ -65,7 +65,7 @@ def plan_of(document: dict[str, Any], where: str) -> DrivingPlan:
         section_with(Prediction, table, place, ("name", "predicts"))
         for table, place in array_of_tables(document.pop("prediction", []), where, "prediction")
     ]
-    reject_unknown_keys({k: v for k, v in document.items() if k not in _KEYS}, where, _KEYS)
+    reject_unknown_keys(document, where, _KEYS)
     for key in ("start_speed", "curve"):
         if key not in document:
             raise ConfigError(f"{where}: {key}", "missing", "write it before the first table")

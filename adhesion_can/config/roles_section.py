@@ -1,13 +1,14 @@
-"""Section `[roles]` of the configuration file: which signal of the bus has which meaning."""
+"""Sections `[roles]` and `[channels]` of the configuration file: which signal has which meaning."""
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, NamedTuple
 
 from adhesion_can.bus.roles import PROTECTIONS, SignalChoice
 from adhesion_can.config.toml_tables import section, table_of
 from adhesion_can.errors import ConfigError
+from adhesion_can.physics.channels import CHANNELS, UserChannel
 from adhesion_can.physics.readings import Role
 from adhesion_can.ranges import Within
 
@@ -138,3 +139,54 @@ def _role(name: str, place: str) -> tuple[Role, int]:
         fix = f"write {base}.1, {base}.2, .." if role.per_axle else f"write {base}"
         raise ConfigError(place, "axle missing" if role.per_axle else "has no axles", fix)
     return role, int(axle or 0)
+
+
+_RESERVED = {name for c in CHANNELS for name in (c.name, c.column, c.contact)}
+
+
+class UserChannels(NamedTuple):
+    """Channels of the user, and the signals that carry them, in the same order.
+
+    Attributes:
+        channels: Names with units and labels.
+        choices: Signals; the number of a channel, from 1, takes the place of an axle's.
+
+    """
+
+    channels: tuple[UserChannel, ...]
+    choices: tuple[SignalChoice, ...]
+
+
+def load_channels(value: object, where: str) -> UserChannels:
+    """Channels from the section `[channels]`.
+
+    Args:
+        value: TOML table: a name, and `Message.Signal` or a table as for a role, with `label`.
+        where: File, for errors.
+
+    Raises:
+        ConfigError: A name is taken or a value is wrong.
+
+    """
+    channels, choices = [], []
+    for number, (name, stated) in enumerate(table_of(value, f"{where}: channels").items(), 1):
+        place = f"{where}: channels.{name}"
+        if not re.fullmatch(r"[A-Za-z]\w*", name):
+            raise ConfigError(place, "not a name", "write letters, digits and _")
+        if name in _RESERVED:
+            raise ConfigError(place, "a built-in channel has this name", "choose another name")
+        table = {"signal": stated} if isinstance(stated, str) else table_of(stated, place)
+        unit, label = (_pop_text(table, key, place) for key in ("unit", "label"))
+        choice = load_choice(Role.CHANNEL, number, table, place)
+        # The unit is for reports: the values stay as they are.
+        choices.append(replace(choice, unit=""))
+        channels.append(UserChannel(name, unit, label))
+    return UserChannels(tuple(channels), tuple(choices))
+
+
+def _pop_text(table: dict[str, Any], key: str, place: str) -> str:
+    """Text that a channel has beside its signal, taken out of its table."""
+    value = table.pop(key, "")
+    if not isinstance(value, str):
+        raise ConfigError(f"{place}.{key}", f"{value!r} is not a string", "write it in quotes")
+    return value

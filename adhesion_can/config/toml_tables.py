@@ -105,20 +105,20 @@ def table_of(value: object, where: str) -> dict[str, Any]:
     return dict(value)
 
 
-def reject_unknown_keys(rest: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
+def reject_unknown_keys(table: Mapping[str, Any], where: str, known: tuple[str, ...]) -> None:
     """Raise an error for keys that a table must not have.
 
     Args:
-        rest: Keys and values of a table less its known keys.
+        table: Keys and values of a table; those that were read may be gone.
         where: File and section, for errors.
-        known: Known keys, for the error.
+        known: Known keys.
 
     Raises:
         ConfigError: A key is unknown.
 
     """
-    if rest:
-        key = next(iter(rest))
+    key = next((key for key in table if key not in known), None)
+    if key is not None:
         dot = "." if ": " in where else ": "
         raise ConfigError(f"{where}{dot}{key}", "unknown key", f"known: {', '.join(known)}")
 

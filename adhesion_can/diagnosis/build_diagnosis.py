@@ -9,7 +9,7 @@ import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.diagnosis.build_evidence import build_evidence, build_model_scores
-from adhesion_can.diagnosis.cause_result import Cause, NoiseResult
+from adhesion_can.diagnosis.cause_result import Cause
 from adhesion_can.diagnosis.drive.drive_data import DriveData
 from adhesion_can.diagnosis.evaluate import evaluate_held_out
 from adhesion_can.diagnosis.evidence import ChannelEvidence, Untested
@@ -149,17 +149,10 @@ def build_diagnosis(
         families=build_family_results(findings, surface),
         closest=build_closest(confirmed, data),
         environments=build_environments(findings, confirmed, causes, extended.fitted.model),
-        noise=_build_noise(findings),
+        noise=findings.noise,
         saturated=bool(findings.saturated),
         oscillates=findings.oscillates,
         **_describe_inputs(drives),
-    )
-
-
-def _build_noise(findings: Findings) -> NoiseResult:
-    noise = findings.noise
-    return NoiseResult(
-        noise.floor, noise.sensors, noise.ratio, noise.is_exceeded, noise.leaves_more
     )
 
 

@@ -1,4 +1,4 @@
-"""Causes of a diagnosis as plain values: named or refuted, with sizes by environment and noise."""
+"""Causes of a diagnosis as plain values: named or refuted, with sizes by environment."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
@@ -191,28 +191,3 @@ class Witness:
     def to_dict(self) -> dict[str, Any]:
         """Fields of `diagnosis.json`."""
         return asdict(self)
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseResult:
-    """Noise floor beside the noise that the sensors explain, adhesion.
-
-    Attributes:
-        floor: RMSE of the adhesion on the deciding data that the effects and a spline in every
-            channel leave.
-        sensors: RMS of the adhesion's noise by the sensors; None where the readings do not show it.
-        ratio: `floor` over `sensors`; None where that is not known.
-        exceeds: Whether the floor is above what the sensors explain for certain.
-        leaves_more: Whether the error that the selected model leaves is above it for certain.
-
-    """
-
-    floor: float
-    sensors: float | None
-    ratio: float | None
-    exceeds: bool
-    leaves_more: bool
-
-    def to_dict(self) -> dict[str, Any]:
-        """Fields of `diagnosis.json`."""
-        return {"floor": self.floor, "sensors": self.sensors, "ratio": self.ratio}

@@ -30,7 +30,6 @@ class EffectKey:
         axle: Axle number from 1; 0 for an effect of the whole vehicle.
         parameter: Name of the first parameter, its size.
         unit: Unit of the size, SI.
-        typical: Typical size.
 
     """
 
@@ -39,7 +38,11 @@ class EffectKey:
     axle: int
     parameter: str
     unit: str
-    typical: float
+
+    @property
+    def key(self) -> "EffectKey":
+        """The effect alone, also of what is said of one."""
+        return EffectKey(self.effect, self.form, self.axle, self.parameter, self.unit)
 
     @property
     def name(self) -> str:
@@ -75,6 +78,7 @@ class EffectGrams:
         fits: Size of an effect by the nonlinear fit of it alone beside the curves, by its place in
             `keys`; below two standard errors the size to first order. Effects at the end of their
             range have none.
+        typical: Typical size of each effect; () where a data set was read, which nothing asks for.
 
     """
 
@@ -88,6 +92,7 @@ class EffectGrams:
     blocks: int
     rmse: float
     fits: Mapping[int, SizeEstimate] = field(default_factory=dict)
+    typical: tuple[float, ...] = ()
 
     @property
     def noise_variance(self) -> float:

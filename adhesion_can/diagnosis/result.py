@@ -13,12 +13,12 @@ from adhesion_can.diagnosis.cause_result import (
     Cause,
     ClosestExplanation,
     EnvironmentSizes,
-    NoiseResult,
     Witness,
 )
 from adhesion_can.diagnosis.effect_grams import EffectGrams
 from adhesion_can.diagnosis.evidence import ChannelEvidence, EffectEvidence, ModelScore, Untested
 from adhesion_can.diagnosis.gain_result import Gain
+from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison
 from adhesion_can.diagnosis.next_drive.explanations import Explanation
 from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.diagnosis.next_drive.result import NextDrive
@@ -182,7 +182,7 @@ class Diagnosis:
     model: ExtendedModel | None = None
     closest: tuple[ClosestExplanation, ...] = ()
     environments: tuple[EnvironmentSizes, ...] = ()
-    noise: NoiseResult | None = None
+    noise: NoiseComparison | None = None
     saturated: bool = False
     oscillates: bool = False
     witness: Witness | None = None

@@ -6,20 +6,55 @@ description in its place. Each starts from what the one before has left.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 from adhesion_can.diagnosis.inference.delay_search import with_delay_for_lag, with_longer_delay
 from adhesion_can.diagnosis.inference.findings import Findings
-from adhesion_can.diagnosis.inference.model_comparison import SECOND_LEAST_GAIN
+from adhesion_can.diagnosis.inference.model_comparison import (
+    SECOND_LEAST_GAIN,
+    ScoredModel,
+    fit_and_score,
+    is_worse,
+)
 from adhesion_can.diagnosis.inference.noise_averaging import averages_noise, without_short_delay
-from adhesion_can.diagnosis.inference.part_rivals import part_rivals
 from adhesion_can.diagnosis.inference.propose_formula import propose_formula
 from adhesion_can.diagnosis.refutation.refute import add_implausible_effects, drop_refuted
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.channel_factor import PREFIX
+
+
+def part_rivals(findings: Findings) -> Findings:
+    """The findings with the rivals that all rows of all drives leave, the best one selected.
+
+    A drive that was made to distinguish rivals is short, and a part of it is held out for the gain.
+    The choice between models of one size needs no rows that were held out: every row of the drives
+    that decide is used, and a rival that is significantly worse is dropped.
+
+    Args:
+        findings: Findings of steps 2 to 6; of a single drive they stay as they are.
+
+    """
+    regression, selection = findings.regression, findings.selection
+    rivals = (selection.best, *selection.indistinguishable)
+    if len(regression.data.drives) < 2 or len(rivals) < 2 or not selection.best.candidates:
+        return findings
+    everything = regression.last_fit
+    fits = [fit_and_score(everything, rival.model) for rival in rivals]
+    place = min(range(len(fits)), key=lambda k: fits[k].cross_validated_square)
+    left: list[ScoredModel] = [
+        one
+        for k, (one, fit) in enumerate(zip(rivals, fits, strict=True))
+        if k != place and not is_worse(fits[place], fit)
+    ]
+    # The selected model stays where it is as good: it was preferred for a reason.
+    best = selection.best if selection.best in left else rivals[place]
+    others = tuple(model for model in (rivals[place], *left) if model is not best)
+    return replace(findings, selection=replace(selection, best=best, indistinguishable=others))
+
 
 MOST_BENT = 0.25
 """Share of what a channel explains by a linear factor that a spline in it may explain besides."""

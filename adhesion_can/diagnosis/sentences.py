@@ -115,7 +115,7 @@ def unexplained_clause(diagnosis: Diagnosis) -> str:
     """What no known effect explains, a clause: the residual depends on no single channel."""
     if diagnosis.oscillates:
         return "the wheel speeds oscillate"
-    if diagnosis.noise is not None and diagnosis.noise.exceeds:
+    if diagnosis.noise is not None and diagnosis.noise.is_exceeded:
         return "more is left than sensor noise explains"
     if diagnosis.closest:
         return "an effect that helps is refuted as the cause"

@@ -36,6 +36,9 @@ from adhesion_can.experiments.simulated_data import (
 Clock = Callable[[], float]
 """Current time in seconds, from any origin."""
 
+IdentifyBlocks = Callable[[Array, Array, EvolutionSettings], Array]
+"""Estimates θ̂(k), shape (blocks, 3), from slip ratios and adhesion in blocks, shape (n,) each."""
+
 MakeInformedEstimator = Callable[[EstimatorSettings, tuple[int, ...]], Estimator]
 """Factory of an estimator that knows the changes: stamps of the first sample after each, µs."""
 
@@ -87,12 +90,13 @@ def participants(
     }
     if oracle is not None and not experiment.ramp:
         found["oracle"] = Participant(partial(_run_streaming, oracle))
+    identify = identify_sequence if experiment.ramp else identify_blocks
     for name, overrides in _BARE[experiment.number].items():
-        found[name] = Participant(partial(_run_bare, overrides), streams=False)
+        found[name] = Participant(partial(_run_search, identify, overrides), streams=False)
     if not experiment.ramp:
-        overrides = _SEQUENCE[experiment.number]
-        found[ONE_SAMPLE] = Participant(partial(_run_one_sample, overrides), streams=False)
-        found[ALL_DATA] = Participant(partial(_run_all_data, overrides), streams=False)
+        for name, identify in ((ONE_SAMPLE, _identify_one_sample), (ALL_DATA, identify_all_data)):
+            run = partial(_run_search, identify, _SEQUENCE[experiment.number])
+            found[name] = Participant(run, streams=False)
     return found
 
 
@@ -136,38 +140,23 @@ def _run_streaming(
     return values, seconds
 
 
-def _run_bare(
-    overrides: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
+def _run_search(
+    identify: IdentifyBlocks,
+    overrides: Mapping[str, Any],
+    data: ExperimentData,
+    size: int,
+    clock: Clock,
 ) -> tuple[Array, Array]:
     settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=size, **overrides)
-    identify = identify_sequence if size == 1 else identify_blocks
     began = clock()
     theta = identify(*data.samples.folded(), settings)
     mean = (clock() - began) / len(theta)
     return with_peak(theta), np.full(len(theta), mean)
 
 
-def _run_one_sample(
-    overrides: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
-) -> tuple[Array, Array]:
+def _identify_one_sample(h: Array, z: Array, settings: EvolutionSettings) -> Array:
     """Sequence processing with one sample, the first, of each block: θ̂(k) from k samples."""
-    settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, **overrides)
-    h, z = data.samples.folded()
-    began = clock()
-    theta = identify_sequence(h[::size], z[::size], settings)
-    mean = (clock() - began) / len(theta)
-    return with_peak(theta), np.full(len(theta), mean)
-
-
-def _run_all_data(
-    overrides: Mapping[str, Any], data: ExperimentData, size: int, clock: Clock
-) -> tuple[Array, Array]:
-    """Sequence processing of all samples: θ̂(k) from those of k blocks."""
-    settings = EvolutionSettings(theta0=data.theta0, seed=data.seed, block=size, **overrides)
-    began = clock()
-    theta = identify_all_data(*data.samples.folded(), settings)
-    mean = (clock() - began) / len(theta)
-    return with_peak(theta), np.full(len(theta), mean)
+    return identify_sequence(h[:: settings.block], z[:: settings.block], settings)
 
 
 @dataclass(frozen=True, slots=True)

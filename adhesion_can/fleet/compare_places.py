@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.fleet.compare_vehicles import sum_by
 from adhesion_can.fleet.random_effects import fit_spread
 
 LEAST_VEHICLES = 3
@@ -73,7 +74,7 @@ def compare_places(
     effects = size.shape[1]
     if enough.sum() < 2 or not effects:
         return PlaceComparison((), *(np.empty((0, effects)) for _ in range(3)))
-    values = _sums(inverse.ravel(), deviation, len(drives)) / drives[:, None]
+    values = sum_by(inverse.ravel(), deviation, len(drives)) / drives[:, None]
     starts, root = np.flatnonzero(np.diff(on, prepend=-1)), np.sqrt(count)[:, None]
     observed = np.abs(np.add.reduceat(values, starts, axis=0)) / root
     reached = np.zeros_like(observed)
@@ -100,18 +101,13 @@ def _standardised(size: Array, variance: Array) -> tuple[Array, Array]:
     return out, weight
 
 
-def _sums(number: NDArray[np.int64], values: Array, count: int) -> Array:
-    """Sums of rows with the same number, shape (count, k)."""
-    return np.stack([np.bincount(number, column, minlength=count) for column in values.T], axis=1)
-
-
 def _means(
     number: NDArray[np.int64], size: Array, weight: Array, count: int
 ) -> tuple[Array, Array]:
     """Difference of the mean at each place from the others' middle, and its standard error."""
     center = np.array([fit_spread(column, 1.0 / np.where(w > 0, w, np.nan)).center
                        for column, w in zip(size.T, weight.T, strict=True)])  # fmt: skip
-    total = _sums(number, weight, count)
+    total = sum_by(number, weight, count)
     deviation = np.where(weight > 0.0, size - center, 0.0)
     safe = np.where(total > 0.0, total, np.nan)
-    return _sums(number, weight * deviation, count) / safe, 1.0 / np.sqrt(safe)
+    return sum_by(number, weight * deviation, count) / safe, 1.0 / np.sqrt(safe)

@@ -84,10 +84,10 @@ def _means(
 ) -> tuple[Array, Array]:
     known = np.isfinite(size)
     weight = np.where(known, 1.0 / np.maximum(np.where(known, variance, 1.0) + between, 1e-300), 0)
-    total = _sum_by(number, weight, count)
+    total = sum_by(number, weight, count)
     seen = total > 0.0
     safe = np.where(seen, total, 1.0)
-    mean = _sum_by(number, weight * np.where(known, size, 0.0), count) / safe
+    mean = sum_by(number, weight * np.where(known, size, 0.0), count) / safe
     return np.where(seen, mean, np.nan), np.where(seen, 1.0 / np.sqrt(safe), np.nan)
 
 
@@ -162,7 +162,7 @@ def fit_freedom(statistic: Array) -> float:
     return FREEDOMS[-1]
 
 
-def _sum_by(number: NDArray[np.int64], values: Array, count: int) -> Array:
+def sum_by(number: NDArray[np.int64], values: Array, count: int) -> Array:
     """Sums of rows with the same number, shape (count, k)."""
     columns = [np.bincount(number, column, minlength=count) for column in values.T]
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))

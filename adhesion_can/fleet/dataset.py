@@ -20,8 +20,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
 from adhesion_can.fleet.places import Place, open_place
 from adhesion_can.fleet.rows import Row
-from adhesion_can.fleet.schema import TABLES, UNITS
-from adhesion_can.fleet.table_schema import SCHEMA_VERSION, TableSchema
+from adhesion_can.fleet.schema import SCHEMA_VERSION, TABLES, UNITS, TableSchema
 
 NO_DAY = "__HIVE_DEFAULT_PARTITION__"
 """Name that means null in folders of partitions."""

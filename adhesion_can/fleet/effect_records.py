@@ -1,16 +1,16 @@
 """Gram matrices of a unit's effects as rows of the table `effects`, and back."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from functools import lru_cache
-from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey, SizeEstimate
+from adhesion_can.fleet.rows import Row, number
 
-Row = Mapping[str, Any]
-_KEY = ("effect", "form", "axle", "parameter", "unit", "typical")
+_KEY = ("effect", "form", "axle", "parameter", "unit")
 
 
 def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
@@ -19,14 +19,10 @@ def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
     return [
         {
             "place": place,
-            "effect": key.effect,
-            "form": key.form,
-            "axle": key.axle,
-            "parameter": key.parameter,
-            "unit": key.unit,
-            "typical": key.typical,
-            "value": _finite(size[place]),
-            "std": _finite(std[place]),
+            **asdict(key),
+            "typical": typical,
+            "value": number(size[place]),
+            "std": number(std[place]),
             "fitted_value": None if (fit := grams.fits.get(place)) is None else fit.value,
             "fitted_std": None if fit is None else fit.std,
             "absorbed": float(grams.absorbed[place]),
@@ -38,12 +34,8 @@ def effect_rows(grams: EffectGrams) -> list[dict[str, Any]]:
             "blocks": grams.blocks,
             "rmse": grams.rmse,
         }
-        for place, key in enumerate(grams.keys)
+        for place, (key, typical) in enumerate(zip(grams.keys, grams.typical, strict=True))
     ]
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if isfinite(value) else None
 
 
 def grams_from_rows(rows: Iterable[Row]) -> EffectGrams | None:

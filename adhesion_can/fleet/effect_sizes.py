@@ -1,7 +1,7 @@
 """Sizes of all effects in all units, and what effects gain in a unit."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -37,13 +37,13 @@ class EffectSizes:
         place: dict[EffectKey, int] = {}
         for unit in grams:
             for key in unit.keys:
-                place.setdefault(_comparable(key), len(place))
+                place.setdefault(key, len(place))
         size = np.full((len(grams), len(place)), np.nan)
         variance = np.full_like(size, np.nan)
         columns: dict[tuple[EffectKey, ...], list[int]] = {}
         for row, unit in enumerate(grams):
             if unit.keys not in columns:
-                columns[unit.keys] = [place[_comparable(key)] for key in unit.keys]
+                columns[unit.keys] = [place[key] for key in unit.keys]
             known = np.where(unit.absorbed < UNTESTABLE_SHARE, unit.size, np.nan)
             size[row, columns[unit.keys]] = known
             variance[row, columns[unit.keys]] = unit.std**2
@@ -57,20 +57,15 @@ class EffectSizes:
         )
 
 
-def _comparable(key: EffectKey) -> EffectKey:
-    """An effect without what may differ between units: the typical size of a user's channel."""
-    return EffectKey(key.effect, key.form, key.axle, key.parameter, key.unit, 1.0)
-
-
 def place_of(unit: EffectGrams, key: EffectKey) -> int | None:
     """Place of an effect in a unit's matrices; None where the unit does not have it."""
-    return _places(unit.keys).get(_comparable(key))
+    return _places(unit.keys).get(key)
 
 
 @lru_cache(maxsize=256)
 def _places(keys: tuple[EffectKey, ...]) -> dict[EffectKey, int]:
     """Place of each effect; most units have the same effects."""
-    return {_comparable(key): place for place, key in enumerate(keys)}
+    return {key: place for place, key in enumerate(keys)}
 
 
 def remove_effects(unit: EffectGrams, sizes: Sizes) -> EffectGrams:
@@ -82,16 +77,11 @@ def remove_effects(unit: EffectGrams, sizes: Sizes) -> EffectGrams:
             vector[place] = size
     if not vector.any():
         return unit
-    return EffectGrams(
-        unit.keys,
-        unit.gram,
-        unit.score - unit.gram @ vector,
-        unit.score_variance,
-        unit.absorbed,
-        max(unit.square - unit.square_change(vector), 0.0),
-        unit.rows,
-        unit.blocks,
-        unit.rmse,
+    return replace(
+        unit,
+        score=unit.score - unit.gram @ vector,
+        square=max(unit.square - unit.square_change(vector), 0.0),
+        fits={},
     )
 
 

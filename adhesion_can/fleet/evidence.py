@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from adhesion_can.diagnosis.effect_grams import EffectGrams
+from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,25 +22,16 @@ class AxleDeviation:
     std: float
 
 
-class CauseSize(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class CauseSize(EffectKey):
     """Size of a cause that the diagnosis of one unit names.
 
     Attributes:
-        effect: Effect id.
-        form: Form of the effect; '' where there is one alone.
-        axle: Axle number from 1; 0 for an effect of the whole vehicle.
-        parameter: Name of the size.
-        unit: Unit of the size, SI.
         value: Size.
         std: Its standard deviation; None at the end of its range.
 
     """
 
-    effect: str
-    form: str
-    axle: int
-    parameter: str
-    unit: str
     value: float
     std: float | None
 

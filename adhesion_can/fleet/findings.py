@@ -20,18 +20,13 @@ class Scope(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class FleetFinding:
-    """One finding.
+class FleetFinding(EffectKey):
+    """One finding, of an effect.
 
     Attributes:
         scope: What it belongs to.
         where: Id of the vehicle, name of the line or date; of the fleet the kind of its vehicles
             where there are several, else ''.
-        effect: Effect id.
-        form: Form of the effect; '' where there is one alone.
-        axle: Axle number from 1; 0 for an effect of the whole vehicle.
-        parameter: Name of the size.
-        unit: Unit of the size, SI.
         value: Size to first order, by which findings are found; of a vehicle or line its difference
             from the middle of the fleet.
         std: Standard error of `value`, without the error of the first order.
@@ -53,11 +48,6 @@ class FleetFinding:
 
     scope: Scope
     where: str
-    effect: str
-    form: str
-    axle: int
-    parameter: str
-    unit: str
     value: float
     std: float
     fleet_value: float
@@ -74,25 +64,19 @@ class FleetFinding:
     @classmethod
     def of(cls, key: EffectKey, scope: Scope, where: str, **rest: Any) -> "FleetFinding":
         """Finding of an effect; `rest` has the other fields."""
-        return cls(scope, where, key.effect, key.form, key.axle, key.parameter, key.unit, **rest)
-
-    @property
-    def key(self) -> EffectKey:
-        """Effect, without a typical size."""
-        return EffectKey(self.effect, self.form, self.axle, self.parameter, self.unit, 1.0)
-
-    @property
-    def name(self) -> str:
-        """Effect id with form and axle."""
-        return self.key.name
+        return cls(**asdict(key), scope=scope, where=where, **rest)
 
     def to_dict(self) -> dict[str, Any]:
         """The finding as JSON has it."""
-        return asdict(self) | {
-            "scope": str(self.scope),
-            "rivals": list(self.rivals),
-            "pooled": None if self.pooled is None else self.pooled.to_dict(),
-        }
+        return (
+            {"scope": str(self.scope), "where": self.where}
+            | asdict(self)
+            | {
+                "scope": str(self.scope),
+                "rivals": list(self.rivals),
+                "pooled": None if self.pooled is None else self.pooled.to_dict(),
+            }
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,11 +179,6 @@ class FleetDiagnosis:
     def compared(self) -> bool:
         """Whether there are vehicles enough of any kind to compare them with each other."""
         return any(one.compared for one in self.kinds)
-
-    @property
-    def least_vehicles(self) -> int:
-        """Number of vehicles from which those of a kind are compared with each other."""
-        return LEAST_VEHICLES
 
     @property
     def named(self) -> tuple[VehicleSummary, ...]:

@@ -18,7 +18,7 @@ from adhesion_can.diagnosis.effect_grams import EffectKey
 from adhesion_can.diagnosis.formatting import effect_name
 from adhesion_can.diagnosis.inference.compute_effect_grams import CLEAR
 from adhesion_can.fleet.effect_sizes import Sizes, place_of, remove_effects
-from adhesion_can.fleet.evidence import CauseSize, UnitEvidence
+from adhesion_can.fleet.evidence import UnitEvidence
 from adhesion_can.fleet.random_effects import Mean, pool
 
 
@@ -54,15 +54,10 @@ class UnitSize:
 
 
 @dataclass(frozen=True, slots=True)
-class PooledSize:
+class PooledSize(EffectKey):
     """Mean size of an effect over some units.
 
     Attributes:
-        effect: Effect id.
-        form: Form of the effect; '' where there is one alone.
-        axle: Axle number from 1; 0 for an effect of the whole vehicle.
-        parameter: Name of the size.
-        unit: Unit of the size, SI.
         value: Mean, in `unit`.
         std: Standard error of it, the spread between units included, in `unit`.
         spread: Standard deviation between the units of the fleet, in `unit`.
@@ -70,11 +65,6 @@ class PooledSize:
 
     """
 
-    effect: str
-    form: str
-    axle: int
-    parameter: str
-    unit: str
     value: float
     std: float
     spread: float
@@ -119,8 +109,9 @@ def pool_sizes(key: EffectKey, sizes: Iterable[UnitSize], spread: float) -> Pool
         mean = pool(
             np.array([size.value for size in means]), np.array([size.std for size in means]) ** 2
         )
-    named = key.effect, key.form, key.axle, key.parameter, key.unit
-    return PooledSize(*named, mean.value, mean.std, spread, tuple(in_order))
+    return PooledSize(
+        **asdict(key), value=mean.value, std=mean.std, spread=spread, sizes=tuple(in_order)
+    )
 
 
 def _grouped(sizes: Iterable[UnitSize]) -> dict[str, list[UnitSize]]:
@@ -148,7 +139,7 @@ def size_in_unit(unit: UnitEvidence, key: EffectKey, others: Sizes) -> UnitSize 
             moved by what they put into it, to first order; a diagnosis has fitted its own beside.
 
     """
-    named = next((cause for cause in unit.cause_sizes if _is_same(cause, key)), None)
+    named = next((cause for cause in unit.cause_sizes if cause.key == key), None)
     if named is not None and named.std is not None:
         return _size(unit, named.value, named.std, SizeSource.DIAGNOSIS)
     grams = unit.grams
@@ -168,10 +159,8 @@ def sizes_by_diagnosis(units: Sequence[UnitEvidence]) -> dict[EffectKey, list[Un
     for unit in units:
         for cause in unit.cause_sizes:
             if cause.std is not None:
-                key = EffectKey(
-                    cause.effect, cause.form, cause.axle, cause.parameter, cause.unit, 1.0
-                )
-                by_effect[key].append(_size(unit, cause.value, cause.std, SizeSource.DIAGNOSIS))
+                size = _size(unit, cause.value, cause.std, SizeSource.DIAGNOSIS)
+                by_effect[cause.key].append(size)
     return by_effect
 
 
@@ -186,10 +175,6 @@ def sizes_by_coasting(units: Sequence[UnitEvidence], axle: int) -> list[UnitSize
             std = float(np.sqrt(np.mean([radius.std**2 for radius in radii])))
             sizes.append(_size(unit, value, std, SizeSource.COASTING))
     return sizes
-
-
-def _is_same(cause: CauseSize, key: EffectKey) -> bool:
-    return cause[:5] == (key.effect, key.form, key.axle, key.parameter, key.unit)
 
 
 def _size(unit: UnitEvidence, value: float, std: float, source: SizeSource) -> UnitSize:

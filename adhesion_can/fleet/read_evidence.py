@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 from adhesion_can.fleet.dataset import FAILED, DataSet
-from adhesion_can.fleet.effect_records import Row, grams_from_rows
+from adhesion_can.fleet.effect_records import grams_from_rows
 from adhesion_can.fleet.evidence import AxleDeviation, CauseSize, UnitEvidence, VehicleForm
+from adhesion_can.fleet.rows import Row
 from adhesion_can.fleet.schema import CAUSES, EFFECTS, UNITS
 from adhesion_can.physics.effects.instrument_errors import WHEEL_RADIUS
 from adhesion_can.plurals import counted

@@ -9,12 +9,11 @@ from pyarrow import parquet
 
 from adhesion_can.fleet.dataset import DataSet, put
 from adhesion_can.fleet.findings import FleetDiagnosis
-from adhesion_can.fleet.findings_schema import FINDINGS
 from adhesion_can.fleet.overview import FleetOverview, summarise_fleet
 from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from adhesion_can.fleet.read_evidence import read_evidence
-from adhesion_can.fleet.schema import SEGMENTS, UNITS
+from adhesion_can.fleet.schema import FINDINGS, SEGMENTS, UNITS
 from adhesion_can.fleet.settings import FleetSettings
 
 JSON, TABLE, PAGE = "fleet.json", "fleet_findings.parquet", "fleet.html"

@@ -5,10 +5,84 @@ docs/reference/fleet.md is made of it.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
-from adhesion_can.fleet.table_schema import Column, TableSchema
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.status import Status
+
+SCHEMA_VERSION = 2
+"""Version of the tables: another one where a column gets another name, type, unit or meaning."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a table.
+
+    Attributes:
+        name: Name of the column.
+        type: Name of its type, a key of `_types`.
+        meaning: Meaning of its values, a noun phrase.
+        unit: SI unit, '1' for a ratio or a count; '' where it has none.
+        required: Whether no row is without a value.
+
+    """
+
+    name: str
+    type: str
+    meaning: str
+    unit: str = ""
+    required: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TableSchema:
+    """A table of the data set.
+
+    Attributes:
+        name: Name of the table and of its folder.
+        row: Meaning of a row, a noun phrase.
+        columns: Columns in their order.
+
+    """
+
+    name: str
+    row: str
+    columns: tuple[Column, ...]
+
+    def arrow(self) -> Any:
+        """Schema for pyarrow, with version, units and meanings as metadata."""
+        import pyarrow as pa  # noqa: PLC0415  a page about the schema needs no extra
+
+        types = _types()
+        fields = [
+            pa.field(
+                column.name,
+                types[column.type],
+                nullable=not column.required,
+                metadata={"unit": column.unit, "comment": column.meaning},
+            )
+            for column in self.columns
+        ]
+        version = {"adhesion_can.schema": str(SCHEMA_VERSION), "adhesion_can.table": self.name}
+        return pa.schema(fields, metadata=version)
+
+
+def _types() -> Mapping[str, Any]:
+    """Types of pyarrow by their names here."""
+    import pyarrow as pa  # noqa: PLC0415  a page about the schema needs no extra
+
+    return {
+        "string": pa.string(),
+        "date": pa.date32(),
+        "timestamp": pa.timestamp("us", tz="UTC"),
+        "double": pa.float64(),
+        "int": pa.int64(),
+        "bool": pa.bool_(),
+        "list<double>": pa.list_(pa.float64()),
+        "list<string>": pa.list_(pa.string()),
+    }
+
 
 RESULT_VERSION = 3
 """Version of what is written into them: another one where the same recording gives other rows."""
@@ -240,3 +314,40 @@ OF_STEP: Mapping[str, tuple[TableSchema, ...]] = {
 def tables_of(steps: Iterable[str]) -> tuple[TableSchema, ...]:
     """Tables that some steps fill, without `units`."""
     return tuple(table for step in steps for table in OF_STEP.get(step, ()))
+
+
+FINDINGS = TableSchema(
+    "fleet_findings",
+    "a finding of the fleet-level diagnosis",
+    (
+        Column("scope", "string", "`vehicle`, `line`, `day` or `fleet`", required=True),
+        Column("place", "string",
+            "name of the vehicle, line or day; for the fleet, the kind of vehicles, or empty if "
+            "there is only one kind", required=True),
+        *SIZED_EFFECT,
+        Column("value", "double", "size to first order, in `unit`", required=True),
+        Column("std", "double", "standard error of `value`, without the error of the first order, "
+               "in `unit`", required=True),
+        Column("pooled_value", "double", "mean of the units' nonlinear sizes, in `unit`; none if "
+               "no unit has one"),
+        Column("pooled_std", "double", "standard error of `pooled_value`, the spread between units "
+               "included, in `unit`"),
+        Column("fleet_value", "double", "centre of the sizes in the fleet, in `unit`",
+               required=True),
+        Column("p_value", "double", "p-value, corrected for all effects", "1", required=True),
+        Column("gain_percent", "double",
+            "reduction of the RMSE of the adhesion; none if the size comes from coasting and no "
+            "other unit shows the gain", "%"),
+        Column("held_out", "bool", "whether the gain comes from units that had no part in the size",
+               required=True),
+        Column("units", "int", "number of units with an estimate", "1", required=True),
+        Column("showing", "int",
+            "number of these units that show it on their own", "1", required=True),
+        Column("source", "string", "`regression` or `coasting`", required=True),
+        Column("rivals", "list<string>", "effects that the data cannot distinguish from it",
+               required=True),
+        Column("named_by", "int", "number of units whose own diagnosis names it", "1",
+               required=True),
+    ),
+)  # fmt: skip
+"""Findings of the whole fleet."""

@@ -293,4 +293,4 @@ def _radius_gain(statistics: VehicleStatistics, vehicle: str, axle: int) -> floa
 
 
 def _radius_key(axle: int) -> EffectKey:
-    return EffectKey(RADIUS[0], "", axle, RADIUS[1], RADIUS[2], 1.0)
+    return EffectKey(RADIUS[0], "", axle, RADIUS[1], RADIUS[2])

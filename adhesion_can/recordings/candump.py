@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from itertools import accumulate, chain, islice, pairwise
 
 from adhesion_can.bus.frame import MARKS, Frame, Mark
@@ -190,18 +190,14 @@ def _micros(seconds: bytes, fraction: bytes) -> int:
     return int(seconds) * 1_000_000 + int(micros)
 
 
-def _log_frame(match: re.Match[bytes]) -> Frame | str:  # noqa: PLR0911  a reason each
+def _log_frame(match: re.Match[bytes]) -> Frame | str:
     seconds, fraction, channel, can_id, fd, payload = match.groups()
     if len(can_id) not in (3, 8):
         return "malformed"
-    t_us, name = _micros(seconds, fraction), channel.decode("latin-1")
-    number, extended = int(can_id, 16), len(can_id) == 8
-    if extended and number & ERROR_FLAG:
-        return Frame(t_us, number & 0x1FFFFFFF, b"", name, is_error=True)
-    if number > (0x1FFFFFFF if extended else 0x7FF):
-        return "malformed"
-    if payload[:1] in (b"R", b"r") and not fd:
-        return Frame(t_us, number, b"", name, extended, is_remote=True)
+    remote = payload[:1] in (b"R", b"r") and not fd
+    frame = _frame_without_data(_micros(seconds, fraction), channel, can_id, is_remote=remote)
+    if isinstance(frame, str) or not frame.is_data:
+        return frame
     if fd:
         flags, payload = payload[:1], payload[1:]
         if not flags.isalnum():
@@ -209,7 +205,19 @@ def _log_frame(match: re.Match[bytes]) -> Frame | str:  # noqa: PLR0911  a reaso
     data = _bytes(payload.replace(b".", b""))
     if data is None or not (len(data) in FD_LENGTHS if fd else len(data) <= 8):
         return "malformed"
-    return Frame(t_us, number, data, name, extended, is_fd=bool(fd))
+    return frame._replace(data=data, is_fd=bool(fd))
+
+
+def _frame_without_data(
+    t_us: int, channel: bytes, can_id: bytes, *, is_remote: bool
+) -> Frame | str:
+    """Frame of an id of 3 or 8 digits, whose payload is still to come where it has one."""
+    name, number, extended = channel.decode("latin-1"), int(can_id, 16), len(can_id) == 8
+    if extended and number & ERROR_FLAG:
+        return Frame(t_us, number & 0x1FFFFFFF, b"", name, is_error=True)
+    if number > (0x1FFFFFFF if extended else 0x7FF):
+        return "malformed"
+    return Frame(t_us, number, b"", name, extended, is_remote=is_remote)
 
 
 def _column_frame(match: re.Match[bytes]) -> Frame | str:
@@ -217,20 +225,17 @@ def _column_frame(match: re.Match[bytes]) -> Frame | str:
     t_us = _column_time(stamp.decode("latin-1").strip())
     if t_us is None:
         return "malformed"
-    name, number, extended = channel.decode("latin-1"), int(can_id, 16), len(can_id) == 8
-    if extended and number & ERROR_FLAG:
-        return Frame(t_us, number & 0x1FFFFFFF, b"", name, is_error=True)
-    if number > (0x1FFFFFFF if extended else 0x7FF):
-        return "malformed"
-    if payload.startswith(b"remote"):
-        return Frame(t_us, number, b"", name, extended, is_remote=True)
+    remote = payload.startswith(b"remote")
+    frame = _frame_without_data(t_us, channel, can_id, is_remote=remote)
+    if isinstance(frame, str) or not frame.is_data:
+        return frame
     # What follows the payload (-a) may look like more of it: the length gives its end.
     # {E} in place of [8] is the raw length code of a frame with all its 8 bytes (-8).
     size = 8 if length is None else int(length)
     data = _bytes(b"".join(payload.split()[:size]))
     if data is None or len(data) != size or size not in FD_LENGTHS:
         return "malformed"
-    return Frame(t_us, number, data, name, extended, is_fd=len(length or b"8") == 2)
+    return frame._replace(data=data, is_fd=len(length or b"8") == 2)
 
 
 def _column_time(stamp: str) -> int | None:
@@ -242,8 +247,12 @@ def _column_time(stamp: str) -> int | None:
         date = datetime.strptime(stamp, "%Y-%m-%d %H:%M:%S.%f").replace(tzinfo=UTC)
     except ValueError:
         return None
-    since = date - datetime(1970, 1, 1, tzinfo=UTC)
-    return (since.days * 86400 + since.seconds) * 1_000_000 + since.microseconds
+    return since_1970_us(date)
+
+
+def since_1970_us(date: datetime) -> int:
+    """Time from the start of 1970 in UTC to a date with a zone, µs, exact."""
+    return (date - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1)
 
 
 def _bytes(digits: bytes) -> bytes | None:

@@ -36,8 +36,12 @@ from adhesion_can.recordings.frame_rows import join_blocks
 from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4_links import require_sound_links
 from adhesion_can.recordings.python_can_messages import from_message
-from adhesion_can.recordings.python_can_readers import open_reader, position_of, require_valid
-from adhesion_can.recordings.reader_losses import collect_python_can_warnings
+from adhesion_can.recordings.python_can_readers import (
+    collect_python_can_warnings,
+    open_reader,
+    position_of,
+    require_valid,
+)
 from adhesion_can.recordings.sqlite_frames import read_sqlite
 from adhesion_can.recordings.text_columns.candump_form import CandumpForm
 from adhesion_can.recordings.text_columns.parse import read_text

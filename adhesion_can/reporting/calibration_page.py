@@ -27,7 +27,7 @@ from adhesion_can.reporting.charts import (
 )
 from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
 from adhesion_can.reporting.time_panels import line, span_line
-from adhesion_can.result_text import TimeScale
+from adhesion_can.result_text import TimeScale, beginnings
 
 BEFORE, AFTER = ORANGE, BLUE
 BLOCK_S = 1.0
@@ -156,19 +156,13 @@ def page(
             "Residual": left or [Text("No axle coasts.")],
         },
         provenance=provenance,
-        begin=_begin(plots.drives),
+        begin=beginnings(
+            [
+                (drive.name, int(drive.t_us[0]) if len(drive.t_us) else None)
+                for drive in plots.drives
+            ]
+        ),
     )
-
-
-def _begin(drives: Sequence[DrivePlot]) -> str:
-    """Time 0 of each drive, a sentence each."""
-    many = len(drives) > 1
-    headings = [
-        TimeScale.beginning_at(int(drive.t_us[0])).heading(drive.name if many else "")
-        for drive in drives
-        if len(drive.t_us)
-    ]
-    return " ".join(filter(None, headings))
 
 
 def _rms(plots: CoastingPlots, name: str) -> float:

@@ -46,6 +46,40 @@ def whiskers(length: Any, below: Any = None, **style: Any) -> Trace:
     return {"type": "data", "symmetric": False, "array": length, "arrayminus": below, **style}
 
 
+def peak_mark(
+    name: str,
+    lambda_m: tuple[float, float | None],
+    mu_max: tuple[float, float | None],
+    colours: tuple[str, str],
+    **rest: Any,
+) -> Trace:
+    """A diamond at the peak of a curve, with whiskers of its standard deviations.
+
+    Args:
+        name: Name of the trace.
+        lambda_m: Slip ratio of the peak, and its standard deviation where it is known.
+        mu_max: Adhesion at the peak, and its standard deviation where it is known.
+        colours: Colours of the diamond and of the whiskers.
+        rest: Further entries of the trace.
+
+    """
+
+    def bars(std: float | None) -> Trace:
+        known = std if std is not None and np.isfinite(std) else 0.0
+        return whiskers([known], color=colours[1], thickness=1.4, width=4)
+
+    return scatter(
+        "markers",
+        name,
+        [lambda_m[0]],
+        [mu_max[0]],
+        **rest,
+        error_x=bars(lambda_m[1]),
+        error_y=bars(mu_max[1]),
+        marker={"color": colours[0], "size": 10, "symbol": "diamond"},
+    )
+
+
 def axis(title: str, **rest: Any) -> Trace:
     """Axis with a title."""
     return {"title": {"text": title}, **rest}

@@ -23,13 +23,12 @@ from adhesion_can.reporting.charts import (
 )
 from adhesion_can.reporting.check_words import KINDS, NOISE_NOTE, WRONG, Checked, verdict
 from adhesion_can.reporting.data_quality import quality_parts
-from adhesion_can.reporting.drive.signal_panels import SignalPanels, signal_panels
+from adhesion_can.reporting.drive.signal_panels import SIGNAL_COLUMNS, SignalPanels, signal_panels
 from adhesion_can.reporting.page import Figure, Items, Page, Part, Table, Text
 from adhesion_can.reporting.time_panels import Panel, panels_figure
 from adhesion_can.reporting.time_panels import line as trace_line
 from adhesion_can.result_text import TimeScale
 
-SIGNAL_COLUMNS = ("signal", "unit", "readings", "lowest", "highest")
 NOISE_COLUMNS = ("sensor", "estimated", "configured", "unit", "correlation time")
 COLUMN_COLUMNS = ("column", "lowest", "highest", "empty", "taken for")
 MOST_POINTS = 4000

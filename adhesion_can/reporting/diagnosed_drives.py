@@ -6,7 +6,7 @@ from itertools import islice
 from adhesion_can.config import Configuration
 from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.reporting.drive.signal_panels import signal_panels, signal_table
-from adhesion_can.reporting.page import Figure, Table, Text
+from adhesion_can.reporting.page import Part, Text
 from adhesion_can.reporting.time_panels import panels_figure
 from adhesion_can.result_text import TimeScale
 from adhesion_can.sampling.drive_signals import MOST_SPANS, DriveSignals
@@ -32,7 +32,7 @@ def spans_of_a_drive(drives: int) -> int:
 
 def drive_parts(
     drives: Mapping[str, DriveSignals], config: Configuration, diagnosis: Diagnosis
-) -> list[Text | Figure | Table]:
+) -> list[Part]:
     """Parts of a page with the signals of recordings.
 
     Args:
@@ -41,7 +41,7 @@ def drive_parts(
         diagnosis: Result of the diagnosis, for the times.
 
     """
-    parts: list[Text | Figure | Table] = []
+    parts: list[Part] = []
     for number, (name, signals) in enumerate(islice(drives.items(), MOST_DRIVES), start=1):
         shown = signal_panels(signals, config, recording_times(diagnosis, name).zero_us)
         if shown.panels:

@@ -25,20 +25,18 @@ from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects.formula import FORMULA
 from adhesion_can.reporting.diagnosis_tables import (
     ENVIRONMENT_COLUMNS,
+    EVIDENCE_COLUMNS,
+    EVIDENCE_NOTE,
     FAMILY_COLUMNS,
     FAMILY_TITLE,
     SHAPE_NOTE,
     cause_rows,
-    environment_rows,
-    family_rows,
-    is_shape_named,
-)
-from adhesion_can.reporting.evidence import (
-    EVIDENCE_COLUMNS,
-    EVIDENCE_NOTE,
     decision_note,
+    environment_rows,
     evidence_rows,
     evidence_title,
+    family_rows,
+    is_shape_named,
     untested_outcome,
 )
 from adhesion_can.reporting.text import FittingTable
@@ -82,7 +80,7 @@ def _name_with_sizes(closest: ClosestExplanation) -> str:
 def _noise_sentence(diagnosis: Diagnosis) -> Iterator[str]:
     """How far what is left is above the sensors' noise; none where it is not."""
     noise = diagnosis.noise
-    if noise is None or not noise.exceeds or noise.sensors is None or noise.ratio is None:
+    if noise is None or not noise.is_exceeded or noise.sensors is None or noise.ratio is None:
         return
     yield (
         f"Sensor noise explains an RMSE of {three_digits(noise.sensors)}. With every known effect "
@@ -196,7 +194,7 @@ def _nothing(diagnosis: Diagnosis) -> str:
     gain = diagnosis.gain
     if diagnosis.conclusive or gain is None:
         text = (
-            "Nothing found: as far as these data show, the residual of the plain curve is "
+            "Nothing diagnosis: as far as these data show, the residual of the plain curve is "
             "noise. An effect may still be too small to see, or not excited."
         )
     else:

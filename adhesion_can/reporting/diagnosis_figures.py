@@ -6,8 +6,15 @@ from typing import Any
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.diagnosis.cause_result import EnvironmentSizes
 from adhesion_can.diagnosis.evidence import Decision, ModelScore
-from adhesion_can.diagnosis.formatting import short, three_digits, unit_text
+from adhesion_can.diagnosis.formatting import (
+    axis_scale,
+    short,
+    three_digits,
+    unit_text,
+    value_and_unit,
+)
 from adhesion_can.diagnosis.gain_result import Gain
 from adhesion_can.diagnosis.plot_result import (
     CurveData,
@@ -16,6 +23,7 @@ from adhesion_can.diagnosis.plot_result import (
     SimulationPlot,
 )
 from adhesion_can.diagnosis.result import FamilyResult, SegmentResult
+from adhesion_can.normal_quantiles import NORMAL_95
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.estimate import Estimate
@@ -29,13 +37,14 @@ from adhesion_can.reporting.charts import (
     axis,
     insert_gaps,
     panel_layout,
+    peak_mark,
     place,
     scatter,
     suffix,
     thinned,
     whiskers,
 )
-from adhesion_can.reporting.evidence import DECISIONS
+from adhesion_can.reporting.diagnosis_tables import DECISIONS
 from adhesion_can.reporting.page import Figure
 from adhesion_can.reporting.time_panels import Panel, line, panels_figure
 from adhesion_can.result_text import HELD_OUT_RMSE, TimeScale
@@ -260,23 +269,9 @@ def _peak(estimate: Estimate, style: Trace) -> list[Trace]:
     """Peak with its standard deviations, where it is identifiable."""
     if not estimate.identifiable.both:
         return []
-    colour = style["line"]["color"]
-
-    def bars(std: float | None) -> Trace:
-        return whiskers(_known(np.array([std])), color=DARK, thickness=1.4, width=4)
-
-    return [
-        scatter(
-            "markers",
-            f"peak, {style['name']}",
-            [estimate.lambda_m],
-            [estimate.mu_max],
-            showlegend=False,
-            error_x=bars(estimate.lambda_m_std),
-            error_y=bars(estimate.mu_max_std),
-            marker={"color": colour, "size": 10, "symbol": "diamond"},
-        )
-    ]
+    peak = (estimate.lambda_m, estimate.lambda_m_std), (estimate.mu_max, estimate.mu_max_std)
+    colours = style["line"]["color"], DARK
+    return [peak_mark(f"peak, {style['name']}", *peak, colours, showlegend=False)]
 
 
 # ------------------------------------------------------------------------------- ingredients
@@ -316,3 +311,72 @@ def _y_span(clouds: list[Array]) -> list[float]:
     low, high = np.quantile(values, (0.002, 0.998))
     room = 0.08 * max(float(high - low), 1e-3)
     return [min(float(low), 0.0) - room, float(high) + room]
+
+
+ROW_HEIGHT, MARGINS_HEIGHT = 19, 110
+"""Height of an environment and of the margins, px."""
+MOST_PARTITIONS = 8
+"""Largest number of partitions that are drawn, those with the largest spread."""
+
+
+def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
+    """Size of one effect in every environment, with 95 % intervals (a forest plot).
+
+    Args:
+        environments: Sizes of one effect, at least one partition, the largest spread first.
+
+    """
+    drawn = list(environments[:MOST_PARTITIONS])
+    # Of several parameters the figure shows the one that varies most.
+    effect, parameter, unit = drawn[0].effect, drawn[0].parameter, drawn[0].unit
+    drawn, size = [one for one in drawn if one.parameter == parameter], drawn[0].size
+    factor, text = axis_scale(size, unit)
+    data = [
+        _points([one for one in drawn if one.refutes is refutes], factor, refutes=refutes)
+        for refutes in (False, True)
+        if any(one.refutes is refutes for one in drawn)
+    ]
+    names = [level.level for one in drawn for level in one.levels]
+    layout = {
+        "xaxis": axis(f"{parameter}, {text or 'no unit'}"),
+        "yaxis": {
+            "type": "category",
+            "autorange": "reversed",
+            "categoryorder": "array",
+            "categoryarray": names,
+            "automargin": True,
+        },
+        "shapes": [
+            {
+                "type": "line",
+                "x0": factor * size,
+                "x1": factor * size,
+                "y0": 0,
+                "y1": 1,
+                "yref": "paper",
+                "layer": "below",
+                "line": {"color": DARK, "width": 1.2, "dash": "dot"},
+            }
+        ],
+        "showlegend": len(data) > 1,
+    }
+    caption = (
+        f"{effect}: {parameter} in parts of the data, with 95 % intervals. The dotted line is its "
+        f"value in all parts together, {value_and_unit(size, unit)}. A cause has one size "
+        "everywhere."
+    )
+    return Figure(caption, data, layout, MARGINS_HEIGHT + ROW_HEIGHT * len(names))
+
+
+def _points(environments: Sequence[EnvironmentSizes], factor: float, *, refutes: bool) -> Trace:
+    """Points with whiskers of some partitions, in one colour."""
+    levels = [level for one in environments for level in one.levels]
+    half = [factor * NORMAL_95 * level.std for level in levels]
+    return scatter(
+        "markers",
+        "sizes that differ" if refutes else "sizes that agree",
+        [factor * level.value for level in levels],
+        [level.level for level in levels],
+        error_x=whiskers(half, thickness=1.2, width=3),
+        marker={"color": ORANGE if refutes else BLUE, "size": 6},
+    )

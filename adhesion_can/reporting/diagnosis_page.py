@@ -15,6 +15,7 @@ from adhesion_can.reporting.diagnosis import (
 )
 from adhesion_can.reporting.diagnosis_figures import (
     curve_figure,
+    environment_figure,
     family_figure,
     gain_figure,
     model_figure,
@@ -23,38 +24,33 @@ from adhesion_can.reporting.diagnosis_figures import (
     simulation_figure,
 )
 from adhesion_can.reporting.diagnosis_tables import (
+    CHANNEL_COLUMNS,
     ENVIRONMENT_COLUMNS,
+    EVIDENCE_COLUMNS,
+    EVIDENCE_NOTE,
     FAMILY_COLUMNS,
     FAMILY_TITLE,
     SHAPE_NOTE,
     cause_rows,
-    environment_rows,
-    family_rows,
-    is_shape_named,
-)
-from adhesion_can.reporting.environment_figure import environment_figure
-from adhesion_can.reporting.evidence import (
-    CHANNEL_COLUMNS,
-    EVIDENCE_COLUMNS,
-    EVIDENCE_NOTE,
     channel_rows,
     decision_note,
+    environment_rows,
     evidence_rows,
     evidence_title,
+    family_rows,
+    is_shape_named,
     untested_outcome,
 )
 from adhesion_can.reporting.model_parts import model_parts
-from adhesion_can.reporting.page import Figure, Items, Page, Table, Text
-from adhesion_can.result_text import HELD_OUT_RMSE, plus_minus
-
-Parts = list[Text | Items | Table | Figure]
+from adhesion_can.reporting.page import Items, Page, Part, Table, Text
+from adhesion_can.result_text import HELD_OUT_RMSE, beginnings, plus_minus
 
 
 def page(
     diagnosis: Diagnosis,
     provenance: Mapping[str, str],
     problems: Sequence[str] = (),
-    drives: Sequence[Text | Figure | Table] = (),
+    drives: Sequence[Part] = (),
 ) -> Page:
     """Build the page of a diagnosis.
 
@@ -65,7 +61,7 @@ def page(
         drives: Parts that show the recordings over time; () where there are none.
 
     """
-    sections: dict[str, Sequence[Text | Items | Table | Figure]] = {
+    sections: dict[str, Sequence[Part]] = {
         "What the simulation gets wrong": _wrong(diagnosis),
         "Refuted explanations that help": [
             Items(closest_sentences(diagnosis))
@@ -92,17 +88,8 @@ def page(
         sections=sections,
         provenance=provenance,
         next_step=diagnosis.next_step,
-        begin=_begin(diagnosis),
+        begin=beginnings([*diagnosis.begins.items()]),
     )
-
-
-def _begin(diagnosis: Diagnosis) -> str:
-    """Time 0 of each recording, a sentence each."""
-    many = len(diagnosis.begins) > 1
-    headings = (
-        recording_times(diagnosis, name).heading(name if many else "") for name in diagnosis.begins
-    )
-    return " ".join(heading for heading in headings if heading)
 
 
 def _lead(diagnosis: Diagnosis) -> str:
@@ -121,8 +108,8 @@ def _lead(diagnosis: Diagnosis) -> str:
 # ----------------------------------------------------------------------------------- sections
 
 
-def _wrong(diagnosis: Diagnosis) -> Parts:
-    parts: Parts = [
+def _wrong(diagnosis: Diagnosis) -> list[Part]:
+    parts: list[Part] = [
         Items(diagnosis.wrong) if diagnosis.wrong else Text("Nothing, as far as these data show.")
     ]
     if diagnosis.causes:
@@ -136,7 +123,7 @@ def _wrong(diagnosis: Diagnosis) -> Parts:
     return parts
 
 
-def _environments(diagnosis: Diagnosis) -> Parts:
+def _environments(diagnosis: Diagnosis) -> list[Part]:
     if not diagnosis.environments:
         return [
             Text(
@@ -144,7 +131,7 @@ def _environments(diagnosis: Diagnosis) -> Parts:
                 "data."
             )
         ]
-    parts: Parts = [
+    parts: list[Part] = [
         Text(
             "The size of each effect is estimated again in parts of the data. A cause has one "
             "size: sizes that differ significantly and by more than 30 % refute it."
@@ -158,7 +145,7 @@ def _environments(diagnosis: Diagnosis) -> Parts:
     return [*parts, Table(caption, ENVIRONMENT_COLUMNS, widest)]
 
 
-def _gain(diagnosis: Diagnosis) -> Parts:
+def _gain(diagnosis: Diagnosis) -> list[Part]:
     if diagnosis.gain is None:
         return [Text("Not measured: the data are not sufficient for a verdict.")]
     gain = diagnosis.gain
@@ -172,7 +159,7 @@ def _gain(diagnosis: Diagnosis) -> Parts:
     return [figure, Items(held)] if held else [figure]
 
 
-def _simulation_plots(diagnosis: Diagnosis) -> Parts:
+def _simulation_plots(diagnosis: Diagnosis) -> list[Part]:
     prediction = diagnosis.plots.prediction
     if prediction is not None:
         return [prediction_figure(prediction, extended=has_extension(diagnosis))]
@@ -186,14 +173,14 @@ def _simulation_plots(diagnosis: Diagnosis) -> Parts:
     ]
 
 
-def _profile(diagnosis: Diagnosis) -> Parts:
+def _profile(diagnosis: Diagnosis) -> list[Part]:
     if diagnosis.profile is None:
         return [Text("No channel was named, so there is no residual to show over one.")]
     return [profile_figure(diagnosis.profile)]
 
 
-def _curve(diagnosis: Diagnosis) -> Parts:
-    parts: Parts = []
+def _curve(diagnosis: Diagnosis) -> list[Part]:
+    parts: list[Part] = []
     longest, curves = diagnosis.longest_segment, diagnosis.curves
     if longest is not None and curves is not None:
         times, extended = recording_times(diagnosis, longest.recording), has_extension(diagnosis)
@@ -247,7 +234,7 @@ def _family_table(diagnosis: Diagnosis) -> Table:
     return Table(caption, FAMILY_COLUMNS, family_rows(diagnosis.families), note)
 
 
-def _evidence(diagnosis: Diagnosis) -> Parts:
+def _evidence(diagnosis: Diagnosis) -> list[Part]:
     if not evidence_rows(diagnosis.evidence):
         return [Text("No effect could be tested.")]
     note = (
@@ -256,11 +243,11 @@ def _evidence(diagnosis: Diagnosis) -> Parts:
     )
     rows = evidence_rows(diagnosis.evidence)
     caption = f"{evidence_title(diagnosis.evidence)}."
-    parts: Parts = [model_figure(diagnosis.models)] if len(diagnosis.models) > 1 else []
+    parts: list[Part] = [model_figure(diagnosis.models)] if len(diagnosis.models) > 1 else []
     return [*parts, Table(caption, EVIDENCE_COLUMNS, rows, note)]
 
 
-def _channels(diagnosis: Diagnosis) -> Parts:
+def _channels(diagnosis: Diagnosis) -> list[Part]:
     if not diagnosis.channels:
         return [Text("No channel could be tested.")]
     note = (
@@ -272,9 +259,9 @@ def _channels(diagnosis: Diagnosis) -> Parts:
     return [Table(caption, CHANNEL_COLUMNS, channel_rows(diagnosis.channels), note)]
 
 
-def _drives_that_tell(diagnosis: Diagnosis) -> Parts:
+def _drives_that_tell(diagnosis: Diagnosis) -> list[Part]:
     """What a drive left of the explanations, and the next one that would separate."""
-    parts: Parts = []
+    parts: list[Part] = []
     if diagnosis.remaining is not None:
         parts.append(Text(diagnosis.remaining.sentence))
     next_drive = diagnosis.next_drive
@@ -303,7 +290,7 @@ def _drives_that_tell(diagnosis: Diagnosis) -> Parts:
     return parts
 
 
-def _rivals(diagnosis: Diagnosis) -> Parts:
+def _rivals(diagnosis: Diagnosis) -> list[Part]:
     rivals = dict.fromkeys(rival for cause in diagnosis.causes for rival in cause.rivals)
     needed = needed_sentence(diagnosis)
     if not rivals:
@@ -315,7 +302,7 @@ def _rivals(diagnosis: Diagnosis) -> Parts:
     ]
 
 
-def _untested(diagnosis: Diagnosis) -> Parts:
+def _untested(diagnosis: Diagnosis) -> list[Part]:
     if not diagnosis.untested:
         return [Text("Everything was tested.")]
     rows = [
@@ -330,13 +317,13 @@ def _untested(diagnosis: Diagnosis) -> Parts:
     return [Table("What is no finding, and why.", columns, rows, note, sentence_columns=(1, 2))]
 
 
-def _model(diagnosis: Diagnosis) -> Parts:
+def _model(diagnosis: Diagnosis) -> list[Part]:
     if diagnosis.model is None or not has_extension(diagnosis):
         return [Text("There is no extension: the plain curve remains.")]
     return model_parts(diagnosis.model, {cause.effect for cause in diagnosis.causes})
 
 
-def _inputs(diagnosis: Diagnosis, problems: Sequence[str]) -> Parts:
+def _inputs(diagnosis: Diagnosis, problems: Sequence[str]) -> list[Part]:
     held = diagnosis.held_out_files
     rows = [
         (
@@ -347,7 +334,7 @@ def _inputs(diagnosis: Diagnosis, problems: Sequence[str]) -> Parts:
         )
         for s in diagnosis.input_files
     ]
-    parts: Parts = [Table("Files, and the rows used of each.", _INPUT_COLUMNS, rows)]
+    parts: list[Part] = [Table("Files, and the rows used of each.", _INPUT_COLUMNS, rows)]
     lost = [f"{count}: {reason}" for reason, count in diagnosis.lost.items() if count]
     if lost:
         parts += [Text("Rows and signals not used:"), Items(lost)]

@@ -1,4 +1,4 @@
-"""Parts of a page that describe an extended model."""
+"""list[Part] of a page that describe an extended model."""
 
 from collections.abc import Collection
 
@@ -8,12 +8,10 @@ from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.parameter import Parameter
-from adhesion_can.reporting.page import Figure, Items, Table, Text
-
-Parts = list[Text | Items | Table | Figure]
+from adhesion_can.reporting.page import Items, Part, Table, Text
 
 
-def model_parts(model: ExtendedModel, named: Collection[str]) -> Parts:
+def model_parts(model: ExtendedModel, named: Collection[str]) -> list[Part]:
     """Text and tables that describe an extended model, without what is said of named effects.
 
     Args:
@@ -22,7 +20,7 @@ def model_parts(model: ExtendedModel, named: Collection[str]) -> Parts:
 
     """
     c1, c2, c3 = model.base
-    parts: Parts = []
+    parts: list[Part] = []
     if model.curve is not None:
         parts.append(_curve_table(model.curve))
     which = "Base curve" if model.curve is None else "Burckhardt curve nearest to the base curve"

@@ -11,17 +11,20 @@ Jinja2 and Plotly come with the extra `report`.
 import gzip
 import json
 import math
+import re
 from base64 import b64encode
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from adhesion_can.arrays import Array
 from adhesion_can.extras import needing_extra
 from adhesion_can.files import whole_file
-from adhesion_can.reporting.trace_summary import SUMMARY_COLUMNS, summary_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,3 +235,51 @@ def _plain(value: Any) -> Any:
         # Six digits are more than a figure shows, and a third of the page's size.
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value
+
+
+SUMMARY_COLUMNS = ("shown", "values", "from", "to", "lowest", "highest", "last")
+"""Headings: name, number of values, range of the abscissa, range and last one of the ordinate."""
+MOST_ROWS = 60
+"""Largest number of rows."""
+
+
+def summary_rows(data: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """Cells for each trace that has a name; those of one name follow each other."""
+    rows: list[tuple[str, ...]] = []
+    for trace in data[:MOST_ROWS]:
+        name = plain_text(str(trace.get("name", "")))
+        panel = plain_text(str(trace.get("meta", "")))
+        if panel and not panel.startswith(name):
+            name = f"{panel}: {name}"
+        if not name and trace.get("type") != "bar":
+            continue
+        x, y = _column(trace.get("x", ())), _column(trace.get("y", ()))
+        known = y[np.isfinite(y)]
+        cells = (
+            str(len(known) or int(np.isfinite(x).sum())),
+            *_ends(x),
+            *_ends(known),
+            _text(known[-1]) if len(known) else "-",
+        )
+        rows.append((name or "bars", *cells))
+    return rows
+
+
+def plain_text(text: str) -> str:
+    """A text of Plotly without the markup that our figures use."""
+    return re.sub("</?su[bp]>", "", text.replace("<br>", " "))
+
+
+def _column(values: Iterable[Any]) -> Array:
+    """Numbers; NaN for what is none, as a category or a gap."""
+    numbers = [v if isinstance(v, (int, float, np.number)) else np.nan for v in values]
+    return np.array(numbers, dtype=np.float64)
+
+
+def _ends(values: Array) -> tuple[str, str]:
+    known = values[np.isfinite(values)]
+    return (_text(known.min()), _text(known.max())) if len(known) else ("-", "-")
+
+
+def _text(value: float) -> str:
+    return f"{value:.4g}"

@@ -95,11 +95,7 @@ class SampleRows:
             *(FieldColumn(values, np.isnan(values)) for values in channels.values()),
         ]
         order = np.argsort(samples.t_us, kind="stable")
-        sorted_columns = [
-            FieldColumn(c.values[order], None if c.missing is None else c.missing[order])
-            for c in columns
-        ]
-        self._writer.write(samples.t_us[order] * 1000, sorted_columns)
+        self._writer.write(samples.t_us[order] * 1000, [one.select(order) for one in columns])
         self._waiting, self._curves, self._surfaces, self._size = [], [], [], 0
 
     def _channel(self, name: str) -> Array:

@@ -17,10 +17,9 @@ import pytest
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli import monitor as command
-from adhesion_can.cli.clock_times import typed_time
 from adhesion_can.cli.main import main
 from adhesion_can.cli.monitor_log import LogSource, survey
-from adhesion_can.cli.monitor_session import MonitorSession
+from adhesion_can.cli.monitor_session import MonitorSession, typed_time
 from adhesion_can.cli.monitor_source import LiveSource
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import InputError

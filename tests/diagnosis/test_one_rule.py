@@ -16,8 +16,8 @@ from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.next_drive.apply_remaining import apply_remaining
 from adhesion_can.diagnosis.next_drive.remaining import RemainingExplanations
 from adhesion_can.reporting.diagnosis import terminal
-from adhesion_can.reporting.environment_figure import environment_figure
-from adhesion_can.reporting.evidence import DECISIONS, evidence_rows
+from adhesion_can.reporting.diagnosis_figures import environment_figure
+from adhesion_can.reporting.diagnosis_tables import DECISIONS, evidence_rows
 from tests.diagnosis.test_model_comparison import BLOCKS, scored
 
 LAW, RIVAL = "load_dependence", "load_transfer"

@@ -12,7 +12,7 @@ from adhesion_can.diagnosis.effect_grams import EffectGrams, EffectKey
 from adhesion_can.fleet.evidence import AxleDeviation, UnitEvidence, VehicleForm
 
 NAMES = ("humidity", "effort_bias", "speed_delay", "sanding", "curve_creep", "wheelset_inertia")
-KEYS = tuple(EffectKey(name, "", 0, "size", "1", 1.0) for name in NAMES)
+KEYS = tuple(EffectKey(name, "", 0, "size", "1") for name in NAMES)
 BLOCKS, ROWS = 16, 20
 SIZE = 0.6
 """Size of a hidden effect: a quarter of the sum of squares, ten deviations between units."""

@@ -32,9 +32,9 @@ HIDDEN = (
     Hidden("sanding", "", {"gain": 0.2}),
 )
 KEYS = {
-    "load_dependence": EffectKey("load_dependence", "burckhardt", 0, "c5", "1/N^2", 1.0),
-    "effort_delay": EffectKey("effort_delay", "", 0, "delay", "s", 1.0),
-    "sanding": EffectKey("sanding", "", 0, "gain", "1", 1.0),
+    "load_dependence": EffectKey("load_dependence", "burckhardt", 0, "c5", "1/N^2"),
+    "effort_delay": EffectKey("effort_delay", "", 0, "delay", "s"),
+    "sanding": EffectKey("sanding", "", 0, "gain", "1"),
 }
 
 

@@ -17,7 +17,7 @@ from adhesion_can.fleet.read_evidence import read_evidence
 from tests.worlds.fleet import FleetDrive, write_drive
 from tests.worlds.hidden import Hidden
 
-KEYS = tuple(EffectKey(name, "", 0, "size", "1", 1.0) for name in "abc")
+KEYS = tuple(EffectKey(name, "", 0, "size", "1") for name in "abc")
 
 
 def drawn(seed, size=(0.5, 0.0, -0.2), level=2.0):
@@ -28,7 +28,7 @@ def drawn(seed, size=(0.5, 0.0, -0.2), level=2.0):
     y = effects @ size + curve @ [level, -1.0] + 0.3 * rng.standard_normal(240)
     block = np.repeat(np.arange(12), 20)
     grams = BlockGramMatrices.from_columns(np.column_stack([curve, effects, y]), block)
-    return curve, effects, y, project_grams(grams, 2, KEYS, 0.01)
+    return curve, effects, y, replace(project_grams(grams, 2, KEYS, 0.01), typical=(1.0, 1.0, 1.0))
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -19,13 +19,13 @@ from adhesion_can.diagnosis.cause_result import (
     Cause,
     ClosestExplanation,
     EnvironmentSizes,
-    NoiseResult,
     ParameterValue,
     SizeLevel,
 )
 from adhesion_can.diagnosis.evidence import ChannelEvidence, EffectEvidence, Untested
 from adhesion_can.diagnosis.formatting import measured
 from adhesion_can.diagnosis.gain_result import Gain, GainMethod
+from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison
 from adhesion_can.diagnosis.plot_result import (
     CurveData,
     PlotData,
@@ -145,7 +145,7 @@ def named():
             sizes_of("speed_dependence", "share", "time", 0.8, (0.81, 0.8), refutes=False),
             sizes_of("wheelset_inertia", "error", "speed", 812.0, (300.0, 1400.0), refutes=True),
         ),
-        noise=NoiseResult(0.0122, 0.0120, 0.0122 / 0.0120, exceeds=False, leaves_more=False),
+        noise=NoiseComparison(0.0122, 0.0120),
         draw=drawn(
             (simulation_plot(rng, 2), simulation_plot(rng, 5)),
             curves=CurveData(slip, curve * 0.9 + 2 * noise[0], slip, curve + noise[1]),
@@ -476,7 +476,7 @@ def test_what_is_closest_is_said_with_its_size_and_the_reason():
 
 
 def test_more_than_the_sensors_noise_is_said():
-    noise = NoiseResult(0.32, 0.005, 64.0, exceeds=True, leaves_more=True)
+    noise = NoiseComparison(0.32, 0.005, usual=64.0, left=64.0)
     text = " ".join(verdict_sentences(replace(unexplained(), noise=noise)))
     assert "64 times as much" in text
     assert "64 times" not in " ".join(verdict_sentences(named()))

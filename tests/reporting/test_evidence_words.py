@@ -10,7 +10,11 @@ from adhesion_can.diagnosis.formatting import axis_scale, three_digits
 from adhesion_can.reporting.diagnosis import terminal
 from adhesion_can.reporting.diagnosis_figures import gain_figure, model_figure
 from adhesion_can.reporting.diagnosis_page import page
-from adhesion_can.reporting.evidence import EVIDENCE_COLUMNS, EVIDENCE_NOTE, untested_outcome
+from adhesion_can.reporting.diagnosis_tables import (
+    EVIDENCE_COLUMNS,
+    EVIDENCE_NOTE,
+    untested_outcome,
+)
 from tests.reporting.test_diagnosis_report import named, printed
 
 

@@ -20,9 +20,12 @@ from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
 from adhesion_can.physics.effects import forms_of_effect, known_effects
 from adhesion_can.physics.effects.formula import parse_formula
 from adhesion_can.physics.objection import WORDINGS, Objection
-from adhesion_can.reporting.next_steps.after_calibration import after_calibration
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
-from adhesion_can.reporting.next_steps.after_recording import after_evaluation, after_replay
+from adhesion_can.reporting.next_steps.after_recording import (
+    after_calibration,
+    after_evaluation,
+    after_replay,
+)
 from adhesion_can.reporting.next_steps.next_step import NextStep, Typed
 from adhesion_can.reporting.next_steps.quantities import describe_cause
 from adhesion_can.reporting.objections import ObjectionLog

@@ -12,6 +12,7 @@ import pytest
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_extra
 from adhesion_can.reporting.page import (
+    SUMMARY_COLUMNS,
     Figure,
     Grid,
     Page,
@@ -21,7 +22,6 @@ from adhesion_can.reporting.page import (
     require_extra,
     write_page,
 )
-from adhesion_can.reporting.trace_summary import SUMMARY_COLUMNS
 
 NASTY = "</script><script>alert(1)</script><img src=http://example.org/x.png> & \"'"
 

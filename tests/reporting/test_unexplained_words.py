@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from adhesion_can.diagnosis.cause_result import NoiseResult
+from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison
 from adhesion_can.diagnosis.result import FamilyResult
 from adhesion_can.diagnosis.sentences import unexplained_clause
 from adhesion_can.reporting.diagnosis import needed_sentence, verdict_sentences
@@ -12,7 +12,7 @@ from adhesion_can.reporting.diagnosis_tables import SHAPE_NOTE
 from tests.reporting.test_diagnosis_report import named, printed, unexplained
 from tests.reporting.test_next_steps import NO_PLAN, PLANNED, WHEEL, cause, line, of
 
-EXCEEDED = NoiseResult(0.02, 0.01, 2.0, exceeds=True, leaves_more=True)
+EXCEEDED = NoiseComparison(0.02, 0.01, usual=2.0, left=2.0)
 
 
 def test_more_than_noise_is_said_only_where_noise_was_compared():

@@ -1,8 +1,6 @@
 """The tables that `fleet` writes, from `adhesion_can/fleet/schema.py` and `findings_schema.py`."""
 
-from adhesion_can.fleet.findings_schema import FINDINGS
-from adhesion_can.fleet.schema import TABLES
-from adhesion_can.fleet.table_schema import SCHEMA_VERSION, Column, TableSchema
+from adhesion_can.fleet.schema import FINDINGS, SCHEMA_VERSION, TABLES, Column, TableSchema
 from reference_pages.markdown import GENERATED, code, page, table
 
 HEAD = ("column", "type", "unit", "meaning")

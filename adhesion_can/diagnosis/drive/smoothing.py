@@ -142,10 +142,12 @@ def _best_smoothing(
     fits = [_smooth(raw, runs, points, cycle) for points in counts if points <= longest]
     if not fits:
         return None
-    if not has_memory:
-        return min((_score_by_leverage(raw, fit, cycle) for fit in fits), key=_unseen_square)
-    noise = _estimate_noise(raw, runs, fits, cycle)
-    return min((_score_by_noise(raw, fit, cycle, noise) for fit in fits), key=_unseen_square)
+    if has_memory:
+        noise = _estimate_noise(raw, runs, fits, cycle)
+        scored = [_score_by_noise(raw, fit, cycle, noise) for fit in fits]
+    else:
+        scored = [_score_by_leverage(raw, fit, cycle) for fit in fits]
+    return min(scored, key=lambda smoothing: smoothing.unseen_square)
 
 
 class _Fit(NamedTuple):
@@ -181,10 +183,6 @@ def _estimate_noise(
         if halves and found[place].lasting <= SAME_NOISE * found[halves[-1]].lasting:
             return found[place]
     return found[min(1, len(found) - 1)]
-
-
-def _unseen_square(smoothing: _Smoothing) -> float:
-    return smoothing.unseen_square
 
 
 def _score_by_leverage(raw: Array, fit: _Fit, cycle: float) -> _Smoothing:
@@ -332,15 +330,11 @@ def predict_speed_from_efforts(
         best = fit(0.0, lagged)
         for reach in steps_s:
             around = (best.lag + k * reach for k in range(-LAG_REACH, LAG_REACH + 1))
-            best = max([best, *(fit(lag, lagged) for lag in around)], key=_explained)
+            best = max([best, *(fit(lag, lagged) for lag in around)], key=lambda fit: fit.explained)
         return best
 
     delayed = search(_delayed, DELAY_STEPS_S)
-    return max(delayed, search(_low_passed, LOW_PASS_STEPS_S), key=_explained).speed
-
-
-def _explained(fit: _LaggedImpulse) -> float:
-    return fit.explained
+    return max(delayed, search(_low_passed, LOW_PASS_STEPS_S), key=lambda fit: fit.explained).speed
 
 
 def _delayed(t_s: Array, values: Array, lag: float) -> Array:

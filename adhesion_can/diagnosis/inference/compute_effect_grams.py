@@ -50,7 +50,8 @@ def compute_effect_grams(prepared: PreparedRegression, rmse: float) -> EffectGra
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))
     keys = tuple(_key(candidate) for candidate in prepared.candidates)
     found = project_grams(grams, curve, keys, rmse)
-    return replace(found, fits=_estimate_sizes(regression, prepared, found))
+    typical = tuple(candidate.free_parameters[0].typical for candidate in prepared.candidates)
+    return replace(found, fits=_estimate_sizes(regression, prepared, found), typical=typical)
 
 
 def _estimate_sizes(
@@ -127,4 +128,4 @@ def _settled_size(fitted: FittedModel, candidate: Candidate) -> SizeEstimate | N
 def _key(candidate: Candidate) -> EffectKey:
     size = candidate.free_parameters[0]
     effect = candidate.effect
-    return EffectKey(effect.id, effect.form, candidate.axle, size.name, size.unit, size.typical)
+    return EffectKey(effect.id, effect.form, candidate.axle, size.name, size.unit)

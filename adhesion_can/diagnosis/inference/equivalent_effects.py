@@ -45,7 +45,7 @@ def find_equivalent_effects(findings: Findings, candidate: Candidate) -> tuple[s
         fit_and_score(regression, proposal.model)
         for proposal in propose_effects(regression, smaller.model, alike)
     )
-    equal = {_id_of_last(fit) for fit in fits if _is_equal(fit, square, explained)}
+    equal = {fit.candidates[-1].effect.id for fit in fits if _is_equal(fit, square, explained)}
     if imitates_load(regression, smaller.model, candidate):
         equal |= {EFFORT_GAIN} - best.ids
     return tuple(sorted(equal))
@@ -61,10 +61,6 @@ def _find_alike(findings: Findings, candidate: Candidate) -> Iterator[Candidate]
     for other, cosine in zip(candidates, cosines.tolist(), strict=True):
         if cosine > LEAST_COSINE and other.effect.id not in known:
             yield other
-
-
-def _id_of_last(scored: ScoredModel) -> str:
-    return scored.candidates[-1].effect.id
 
 
 def _is_equal(scored: ScoredModel, square: float, explained: float) -> bool:

@@ -215,7 +215,8 @@ def _choose(fits: Sequence[ScoredModel]) -> tuple[ScoredModel | None, list[Score
     equal = [model for model in ranked if model is best or not _is_beaten(model, best, len(fits))]
     # Of those with as few constants a straight line is the simplest.
     chosen = min(
-        equal, key=lambda model: (sum(c.size for c in model.candidates), not _is_straight(model))
+        equal,
+        key=lambda model: (sum(c.size for c in model.candidates), _kind(model) != STRAIGHT),
     )
     rivals = {_kind(model): model for model in reversed(equal) if _kind(model) != _kind(chosen)}
     return chosen, list(reversed(rivals.values()))
@@ -244,10 +245,6 @@ def _describes(extended: Findings, channel: str, rest: ScoredModel) -> bool:
 def _kind(scored: ScoredModel) -> str:
     effect = scored.candidates[-1].effect
     return effect.kind if isinstance(effect, Formula) else STRAIGHT
-
-
-def _is_straight(scored: ScoredModel) -> bool:
-    return _kind(scored) == STRAIGHT
 
 
 def _text(scored: ScoredModel) -> str:

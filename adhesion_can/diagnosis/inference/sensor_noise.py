@@ -74,6 +74,10 @@ class NoiseComparison:
         """Whether what the selected effects leave is above what the sensors explain for certain."""
         return self._is_above(self.left)
 
+    def to_dict(self) -> dict[str, float | None]:
+        """Fields of `diagnosis.json`."""
+        return {"floor": self.floor, "sensors": self.sensors, "ratio": self.ratio}
+
     def _is_above(self, usual: float) -> bool:
         ratio = self.ratio
         if ratio is None or self.usual < WILD * ratio:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from typing import TypeVar
 
 import numpy as np
@@ -127,6 +127,11 @@ def plan_drive(
 
     sequence, most = search(comparison.compute)
     missed: dict[Pair, float] = {}
+
+    def compute_left(grams: Mapping[Pair, Array]) -> dict[Pair, float]:
+        """Discrepancy of the pairs that are not missed."""
+        return comparison.compute(_without(missed, grams))
+
     best = most
     # Where not every pair can be separated, drop the hardest one and try again.
     while sequence is None and best is not None and len(missed) < len(comparison.pairs):
@@ -134,7 +139,7 @@ def plan_drive(
         (a, b), least = min(values.items(), key=lambda item: item[1])
         missed |= {pair: least for pair in ((a, b), (b, a)) if pair in values}
         if len(missed) < len(comparison.pairs):
-            sequence, best = search(partial(_compute_some, comparison, dict(missed)))
+            sequence, best = search(compute_left)
     if sequence is None:
         reason = "no manoeuvre is within the limits of effort, speed and duration."
         if missed:
@@ -187,13 +192,6 @@ def power_of(discrepancy: float, level: float = LEVEL) -> float:
     """Probability that a rival at a discrepancy is refuted at a level."""
     normal = scipy.stats.norm
     return float(normal.cdf(np.sqrt(discrepancy) / 2.0 - normal.ppf(1.0 - level)))
-
-
-def _compute_some(
-    comparison: ExplanationComparison, missed: Mapping[Pair, float], grams: Mapping[Pair, Array]
-) -> dict[Pair, float]:
-    """Discrepancy of the pairs that are not left out."""
-    return comparison.compute(_without(missed, grams))
 
 
 def _without(missed: Mapping[Pair, float], values: Mapping[Pair, Value]) -> dict[Pair, Value]:

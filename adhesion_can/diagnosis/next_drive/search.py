@@ -84,8 +84,9 @@ def find_shortest(
                 if longer is None:
                     continue
                 extended.append(longer)
+                # Shortest first, and of equal ones that which reaches most.
                 if longer.reached >= wanted and longer.duration_s >= least_s:
-                    best = min(best or longer, longer, key=_by_duration)
+                    best = min(best or longer, longer, key=lambda x: (x.duration_s, -x.reached))
         if best is not None:
             extended = [x for x in extended if x.duration_s < best.duration_s]
         extended.sort(key=lambda x: x.rank(wanted, least_s))
@@ -94,11 +95,6 @@ def find_shortest(
             most = beam[0]
         level = [*beam]
     return best, most
-
-
-def _by_duration(sequence: DriveSequence) -> tuple[float, float]:
-    """Shortest first, and of equal ones that which reaches most."""
-    return sequence.duration_s, -sequence.reached
 
 
 def _extend(

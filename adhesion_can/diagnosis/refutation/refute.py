@@ -131,7 +131,10 @@ def _find_least_sure(
     trial = trials[p_values.index(largest)]
     if largest <= findings.alpha:
         return trial, _NO_REASON
-    return trial, _Reason(DECISIVE, _describe_chance(largest, findings.alpha))
+    return trial, _Reason(
+        DECISIVE,
+        f"its p-value is {100 * largest:.1f} %; a cause has at most {100 * findings.alpha:g} %",
+    )
 
 
 def describe_refutation(regression: WhitenedRegression, model: Model) -> str:
@@ -322,10 +325,6 @@ def _describe_left(share: float) -> str:
         f"with it {100 * share:.0f} % of the error that the rows of a block share remains; a "
         f"true cause leaves at most {100 * MOST_LEFT:.0f} %"
     )
-
-
-def _describe_chance(p_value: float, level: float) -> str:
-    return f"its p-value is {100 * p_value:.1f} %; a cause has at most {100 * level:g} %"
 
 
 def _describe_growth(time_s: float) -> str:

@@ -35,8 +35,7 @@ from adhesion_can.diagnosis.regression.model import (
     evaluate_model,
     remove_effect,
 )
-from adhesion_can.diagnosis.regression.row_weights import compute_weights
-from adhesion_can.diagnosis.regression.whitening import Whitener, fit_whitener
+from adhesion_can.diagnosis.regression.whitening import Whitener, compute_weights, fit_whitener
 
 ITERATIONS = 10
 """Largest number of steps of a fit."""

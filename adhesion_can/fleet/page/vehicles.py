@@ -1,5 +1,6 @@
 """Vehicles on the page of a fleet: their findings, the worst first, and their kinds."""
 
+from adhesion_can.fleet.compare_vehicles import LEAST_VEHICLES
 from adhesion_can.fleet.findings import FleetDiagnosis, VehicleSummary
 from adhesion_can.fleet.page.words import (
     MOST_ROWS,
@@ -101,7 +102,7 @@ def _kinds(diagnosis: FleetDiagnosis) -> list[Part]:
     note = (
         "Vehicles are of one kind if their data have the same form (recordings or TABLEs, "
         "number of axles, configured vehicle except for its wheel radii) and can show the same "
-        f"effects. A kind is compared if it has at least {diagnosis.least_vehicles} vehicles. "
+        f"effects. A kind is compared if it has at least {LEAST_VEHICLES} vehicles. "
         + left_out(len(diagnosis.kinds), MOST_ROWS, "kind")
     )
     caption = "Kinds of vehicles: each vehicle is compared only with those of its kind."

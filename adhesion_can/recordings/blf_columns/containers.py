@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from adhesion_can.plurals import counted
 from adhesion_can.recordings.blf_columns.stored_bytes import MARK, PIECE, ROOM, StoredBytes
-from adhesion_can.recordings.candump import ReadReport
+from adhesion_can.recordings.candump import ReadReport, since_1970_us
 
 BASE = struct.Struct("<4sHHII")
 """Head of every object: mark, sizes of the head, version of the head, size, type."""
@@ -63,8 +63,7 @@ def _to_ns(system_time: tuple[int, ...]) -> int:
         time = datetime(year, month, day, hour, minute, second, 1000 * ms, UTC)
     except ValueError:
         return 0
-    since = time - datetime(1970, 1, 1, tzinfo=UTC)
-    return (since.days * 86_400_000_000 + since.seconds * 1_000_000 + since.microseconds) * 1000
+    return since_1970_us(time) * 1000
 
 
 @dataclass

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from adhesion_can.bus.frame import MOST_ID, Frame
-from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport
+from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport, since_1970_us
 from adhesion_can.recordings.frame_tables.forms import Clock, Fields, LineForm
 
 _LARGEST_STANDARD = 0x7FF
@@ -182,7 +182,7 @@ class _StampReader:
             t_us += self._days_us
             self._last_us = t_us
             day = self._head.day
-        return t_us if day is None else t_us + _since_epoch(day)
+        return t_us if day is None else t_us + since_1970_us(day)
 
     def _of_day(self, text: str) -> tuple[datetime | None, int] | None:
         """Day, where the text has it, and time of the day, µs."""
@@ -219,7 +219,3 @@ def _date(year: str, month: str, day: str) -> datetime | None:
         return datetime(int(year), int(month), int(day), tzinfo=UTC)
     except ValueError:
         return None
-
-
-def _since_epoch(day: datetime) -> int:
-    return (day - datetime(1970, 1, 1, tzinfo=UTC)).days * _DAY_US

@@ -34,12 +34,11 @@ from adhesion_can.recordings.tables.text import read_head
 from adhesion_can.recordings.tables.times import TIME, TIME_LIMIT_S, with_times
 
 FORCE, LOAD = "longitudinal_force_N", "normal_load_N"
-LARGEST = 1e30
-"""Largest number that is a measured one, in any unit: the fits' powers of larger ones overflow."""
 MOST_NEGATIVE, LEAST_NEGATIVE = 0.05, 20
 """Share of negative loads, and number of them, beyond which they are no noise about 0."""
 LARGEST, SMALLEST = 1e30, 1e-30
-"""Largest and smallest size of a number that anything measures, in whatever unit."""
+"""Largest and smallest size of a number that anything measures, in whatever unit: the fits' powers
+of larger ones overflow."""
 MOST_TEXTS, LEAST_TEXT_ROWS = 12, 5
 """Texts of a column that groups the rows, and rows of each of them."""
 _OWN = frozenset({"slip_std", "adhesion_std", "residual", "left_out"})
@@ -173,9 +172,7 @@ def read_table(path: Path, choices: Sequence[ColumnChoice] = ()) -> SampleTable:
     columns = shift_columns(columns, choices, str(path))
     _require_columns(columns.values, str(path))
     numbers = {
-        name: np.where(np.abs(c) <= LARGEST, c, np.nan)
-        for name, c in columns.values.items()
-        if not isinstance(c, tuple)
+        name: _within_sense(c) for name, c in columns.values.items() if not isinstance(c, tuple)
     }
     texts = {name: c for name, c in columns.values.items() if isinstance(c, tuple)}
     segment = texts.pop("segment", None)
@@ -221,7 +218,6 @@ def _groups(name: str, cells: Sequence[str]) -> dict[str, Array]:
 def _table(
     path: Path, columns: Columns, numbers: dict[str, Array], ignored: tuple[str, ...]
 ) -> SampleTable:
-    numbers = {name: _within_sense(column) for name, column in numbers.items()}
     timed = "time_s" in numbers
     slip = numbers["slip"]
     time_s = numbers.get("time_s", np.zeros_like(slip))

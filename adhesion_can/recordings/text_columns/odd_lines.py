@@ -7,10 +7,11 @@ from typing import ClassVar, Generic, NamedTuple, TypeVar, cast
 import can
 from can.io.generic import TextIOMessageReader
 
-from adhesion_can.bus.frame import MAX_PAYLOAD, MOST_ID, Frame
-from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US
+from adhesion_can.bus.frame import Frame
+from adhesion_can.recordings.candump import FD_LENGTHS
 from adhesion_can.recordings.frame_rows import bus_from_1
 from adhesion_can.recordings.python_can_messages import from_message
+from adhesion_can.recordings.python_can_readers import require_valid
 from adhesion_can.recordings.text_columns.form import Form, SingleLine
 
 Reader = TypeVar("Reader", bound=TextIOMessageReader)
@@ -139,11 +140,11 @@ class TraceForm(Form):
     def _frame(self, message: can.Message) -> Frame | None:
         """A message of a reader whose buses are numbers; None where no bus can carry it."""
         bus = message.channel + 1 - self.first_bus if isinstance(message.channel, int) else 1
+        if not 0 <= bus <= _LAST_BUS:
+            return None
         try:
-            t_us = round(message.timestamp * 1e6)
+            frame = from_message(message, round(message.timestamp * 1e6))
+            require_valid(frame)
         except (ValueError, OverflowError):
             return None
-        frame = from_message(message, t_us)._replace(channel=bus_from_1(bus))
-        if not (0 <= bus <= _LAST_BUS and 0 <= frame.arbitration_id <= MOST_ID):
-            return None
-        return frame if len(frame.data) <= MAX_PAYLOAD and abs(t_us) <= LAST_US else None
+        return frame._replace(channel=bus_from_1(bus))

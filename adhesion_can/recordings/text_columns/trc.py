@@ -5,13 +5,12 @@ Version 1.2, and columns that a trace may lack, are written out as python-can's 
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
 
 import can
 from can.io.trc import TRCFileVersion
 
 from adhesion_can.bus.block import Kind
-from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport
+from adhesion_can.recordings.candump import FD_LENGTHS, LAST_US, ReadReport, since_1970_us
 from adhesion_can.recordings.text_columns.line_layouts import Layout, learn_layout
 from adhesion_can.recordings.text_columns.odd_lines import (
     LENGTH_CODES,
@@ -92,7 +91,7 @@ class TrcForm(TraceForm):
         reader = self._lines.reader_behind(_NO_FRAME)
         self._form = _form(version, self._columns)
         start = reader.start_time if version >= TRCFileVersion.V1_1 else None
-        self._start_ns = _to_ns(start) if start else 0
+        self._start_ns = since_1970_us(start) * 1000 if start else 0
         has_stray_columns = bool(reader.columns) and not self._columns
         if abs(self._start_ns) > LAST_US * 1000 or has_stray_columns:
             self._form = None
@@ -167,11 +166,6 @@ class TrcForm(TraceForm):
 
 def _is_comment(line: bytes) -> bool:
     return line.lstrip().startswith(b";")
-
-
-def _to_ns(start: datetime) -> int:
-    since = start - datetime(1970, 1, 1, tzinfo=UTC)
-    return (since.days * 86_400_000_000 + since.seconds * 1_000_000 + since.microseconds) * 1000
 
 
 def _form(version: TRCFileVersion, columns: Sequence[str]) -> re.Pattern[bytes] | None:

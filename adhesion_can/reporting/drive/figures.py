@@ -22,10 +22,10 @@ from adhesion_can.reporting.charts import (
     band,
     faded,
     insert_gaps,
+    peak_mark,
     runs,
     scatter,
     suffix,
-    whiskers,
 )
 from adhesion_can.reporting.drive.history import DOUBTS, STATUSES
 from adhesion_can.reporting.drive.recorder import DriveRecord
@@ -280,7 +280,8 @@ def _curve_figure(
         data.append(line("truth", grid, adhesion(grid, *theta), style))
     point = out.setpoint
     if point.mu_max is not None and point.lambda_m is not None:
-        data.append(_peak(point.lambda_m, point.mu_max, out.lambda_m_std, out.mu_max_std))
+        peak = (point.lambda_m, out.lambda_m_std), (point.mu_max, out.mu_max_std)
+        data.append(peak_mark("peak ± standard deviation", *peak, (BLUE, BLUE)))
     span = times.span(surface.from_us, surface.to_us).replace(" .. ", " to ")
     name = "" if true is None else f" ({true['name']})"
     caption = (
@@ -308,21 +309,3 @@ def _true_surface(
     """True surface on which the end of a surface lies."""
     end_s = surface.to_us / 1e6
     return next((one for one in truth if one["from_s"] < end_s <= one["to_s"] + 0.1), None)
-
-
-def _peak(
-    lambda_m: float, mu_max: float, lambda_m_std: float | None, mu_max_std: float | None
-) -> Trace:
-    def bars(std: float | None) -> dict[str, Any]:
-        known = std if std is not None and np.isfinite(std) else 0.0
-        return whiskers([known], color=BLUE, thickness=1.4, width=4)
-
-    return scatter(
-        "markers",
-        "peak ± standard deviation",
-        [lambda_m],
-        [mu_max],
-        error_x=bars(lambda_m_std),
-        error_y=bars(mu_max_std),
-        marker={"color": BLUE, "size": 10, "symbol": "diamond"},
-    )

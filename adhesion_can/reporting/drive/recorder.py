@@ -84,7 +84,8 @@ class DriveRecorder:
         self._changes: list[StateChange] = []
         self._change_count = 0
         self._state: tuple[Status, Doubt, Objection] | None = None
-        self._counts = SetpointCounts()
+        self.counts = SetpointCounts()
+        """Numbers of setpoints so far."""
         self._first_us: int | None = None
         self._last_us = 0
 
@@ -95,7 +96,7 @@ class DriveRecorder:
         self._last_us = t_us
         self._history.add(t_us, outputs)
         self._surfaces.add(t_us, outputs, self._history.distance)
-        self._counts.add(t_us, outputs)
+        self.counts.add(t_us, outputs)
         state = outputs.status, outputs.doubt, outputs.objection
         if state != self._state:
             self._state = state
@@ -119,7 +120,7 @@ class DriveRecorder:
             surfaces=tuple(self._surfaces.result()),
             changes=tuple(self._changes),
             change_count=self._change_count,
-            counts=self._counts,
+            counts=self.counts,
             first_us=self._first_us or 0,
             last_us=self._last_us,
             distance=self._history.distance,

@@ -23,6 +23,7 @@ from adhesion_can.reporting.export.layout import (
     Frames,
     Group,
     GroupRows,
+    Sink,
     in_order,
 )
 
@@ -31,7 +32,7 @@ _EXACT = 1 << 53
 """Largest integer up to which floats hold every integer."""
 
 
-class ArrowLong:
+class ArrowLong(Sink):
     """Writes rows (time, bus, message, signal, value, unit), in the order of the recording.
 
     A stream has one schema, and which messages will come is not known at its start. So the schema
@@ -57,9 +58,6 @@ class ArrowLong:
         # Not closed here where it is stdout.
         file = sys.stdout.buffer if self._out is None else self._out.file
         self._stream = pa.ipc.new_stream(file, self._schema, options=_options())
-
-    def begin(self, t_ns: int) -> None:
-        """Do nothing: the rows keep the stamps of the recording."""
 
     def write(self, rows: Sequence[GroupRows], _frames: Frames | None = None) -> None:
         """Append rows."""
@@ -199,6 +197,6 @@ def _options() -> Any:
 def open_sink(
     path: Path, origin: Mapping[str, str], _groups: Sequence[Group], _decimals: int
 ) -> ArrowLong:
-    """Start a file, or a stream where its name ends in .arrows, '-' for stdout; a `SinkOpener`."""
+    """Start a file, or a stream where its name ends in .arrows, '-' for stdout."""
     stdout = str(path) == "-"
     return ArrowLong(None if stdout else path, origin, as_file=path.suffix.lower() == ".arrow")

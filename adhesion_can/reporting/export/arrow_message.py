@@ -100,7 +100,7 @@ def _arrow(file: BinaryIO, schema: Any) -> Any:
 
 
 def open_folder(path: Path, suffix: str, origin: Mapping[str, str]) -> MessageFolder:
-    """Start a folder of Parquet or Arrow files; a `FolderOpener`."""
+    """Start a folder of Parquet or Arrow files."""
     return MessageFolder(
         path, suffix, lambda file, group: ArrowMessageFile(file, group, origin, suffix), origin
     )

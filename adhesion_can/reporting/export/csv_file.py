@@ -221,7 +221,7 @@ def open_sink(
     *,
     keep_formulas: bool = False,
 ) -> GrowingTable:
-    """Start a CSV file, compressed where its name ends in .gz; a `SinkOpener`."""
+    """Start a CSV file, compressed where its name ends in .gz."""
     compressed = path.suffix.lower() == ".gz"
     form = CsvFormat(compressed, not groups, decimals, keep_formulas=keep_formulas)
     return GrowingTable(path, form, groups)
@@ -230,6 +230,6 @@ def open_sink(
 def open_folder(
     path: Path, suffix: str, origin: Mapping[str, str], *, keep_formulas: bool = False
 ) -> MessageFolder:
-    """Start a folder of CSV files; a `FolderOpener`."""
+    """Start a folder of CSV files."""
     open_file = partial(CsvMessageFile, keep_formulas=keep_formulas)
     return MessageFolder(path, suffix, open_file, origin)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from adhesion_can.files import OutputFile, Temporary
-from adhesion_can.reporting.export.layout import Frames, Group, GroupRows
+from adhesion_can.reporting.export.layout import Frames, Group, GroupRows, Sink
 
 
 class PartFile(Protocol):
@@ -31,7 +31,7 @@ class TableFormat(Protocol):
         """Write one file of several, each with the columns of the first so many groups."""
 
 
-class GrowingTable:
+class GrowingTable(Sink):
     """Writes a table whose columns become known as it is written.
 
     The messages in a recording are known only at its end, and a column for every signal of a large
@@ -61,9 +61,6 @@ class GrowingTable:
                 self.abandon()
                 raise
 
-    def begin(self, t_ns: int) -> None:
-        """Do nothing: the table keeps the stamps of the recording."""
-
     def write(self, rows: Sequence[GroupRows], _frames: Frames | None = None) -> None:
         """Append rows."""
         held = [part for part in rows if len(part.t_ns)]
@@ -74,10 +71,6 @@ class GrowingTable:
             self._begin()
         if held and self._part is not None:
             self._part.write(held)
-
-    def problems(self) -> list[str]:
-        """Nothing: the table holds the numbers as they are."""
-        return []
 
     def close(self) -> None:
         """Finish the table, which then gets its name."""

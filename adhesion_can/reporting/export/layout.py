@@ -1,9 +1,9 @@
 """Parts of a file of columns, whatever its format: fields, groups of fields, and rows."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,11 @@ class FieldColumn(NamedTuple):
     values: NDArray[Any]
     missing: NDArray[np.bool_] | None = None
 
+    def select(self, rows: slice | NDArray[np.int64]) -> "FieldColumn":
+        """Some of the rows, in their order."""
+        missing = None if self.missing is None else self.missing[rows]
+        return FieldColumn(self.values[rows], missing)
+
 
 class GroupRows(NamedTuple):
     """Rows of one group.
@@ -113,10 +118,7 @@ class GroupRows(NamedTuple):
         """The rows whose position is first .. end - 1, counted from `first`."""
         low, high = np.searchsorted(self.position, (first, end))
         part = slice(int(low), int(high))
-        columns = [
-            FieldColumn(c.values[part], None if c.missing is None else c.missing[part])
-            for c in self.columns
-        ]
+        columns = [column.select(part) for column in self.columns]
         return GroupRows(self.group, self.position[part] - first, self.t_ns[part], columns)
 
 
@@ -133,12 +135,13 @@ class Frames(NamedTuple):
     place: NDArray[np.int64]
 
 
-class Sink(Protocol):
+class Sink(ABC):
     """A file in the making; a group starts with its first rows."""
 
-    def begin(self, t_ns: int) -> None:
-        """Set the start of the file's time, if it counts from a start."""
+    def begin(self, t_ns: int) -> None:  # noqa: B027  most formats keep the stamps
+        """Set the start of the file's time, ns, where it counts from one; before the first rows."""
 
+    @abstractmethod
     def write(self, rows: Sequence[GroupRows], frames: Frames | None = None) -> None:
         """Append rows; `GroupRows.position` is their order.
 
@@ -150,31 +153,15 @@ class Sink(Protocol):
 
     def problems(self) -> list[str]:
         """Sentences about what the file does not hold exactly."""
+        return []
 
+    @abstractmethod
     def close(self) -> None:
         """Finish the file, which then gets its name."""
 
+    @abstractmethod
     def abandon(self) -> None:
         """Delete what has been written so far."""
-
-
-class SinkOpener(Protocol):
-    """Function `open_sink` of the module that writes a format."""
-
-    def __call__(
-        self, path: Path, origin: Mapping[str, str], groups: Sequence[Group], decimals: int, /
-    ) -> Sink:
-        """Start a file.
-
-        Args:
-            path: Path of the finished file.
-            origin: Version, inputs and the like, by name; not written where the format has no
-                place for them.
-            groups: Groups of a plain table; empty for a recording, whose messages become known as
-                they are written.
-            decimals: Number of decimals of the time stamps in s, where they are text.
-
-        """
 
 
 def count(rows: Sequence[GroupRows]) -> int:

@@ -11,7 +11,7 @@ from mcap.writer import CompressionType, Writer
 
 from adhesion_can.bus.block import EXTENDED, Block, Kind
 from adhesion_can.files import OutputFile
-from adhesion_can.reporting.export.layout import Field, Frames, Group, GroupRows
+from adhesion_can.reporting.export.layout import Field, Frames, Group, GroupRows, Sink
 from adhesion_can.reporting.export.number_texts import FloatTexts
 from adhesion_can.version import __version__
 
@@ -35,7 +35,7 @@ _FRAME_FIELDS = {
 }
 
 
-class McapFile:
+class McapFile(Sink):
     """Writes each message on the topic /BUS/MESSAGE, and all frames of a bus on /frames/BUS.
 
     Args:
@@ -53,9 +53,6 @@ class McapFile:
         self._frame_schema: int | None = None
         self._early = 0
         self._texts = FloatTexts("null")
-
-    def begin(self, t_ns: int) -> None:
-        """Do nothing: the messages keep the stamps of the recording."""
 
     def write(self, rows: Sequence[GroupRows], frames: Frames | None = None) -> None:
         """Append rows, and the frames behind them."""
@@ -207,5 +204,5 @@ def _property(field: Field) -> dict[str, str]:
 def open_sink(
     path: Path, origin: Mapping[str, str], _groups: Sequence[Group], _decimals: int
 ) -> McapFile:
-    """Start an MCAP file; a `SinkOpener`."""
+    """Start an MCAP file."""
     return McapFile(path, origin)

@@ -11,7 +11,7 @@ from typing import BinaryIO, Protocol
 from adhesion_can.errors import InputError
 from adhesion_can.files import Temporary, whole_file
 from adhesion_can.input_files import read_small_file
-from adhesion_can.reporting.export.layout import Frames, Group, GroupRows
+from adhesion_can.reporting.export.layout import Frames, Group, GroupRows, Sink
 
 LIST = "convert.json"
 """Name of the file that lists the files of a folder."""
@@ -58,7 +58,7 @@ class _Entry:
     rows: int = 0
 
 
-class MessageFolder:
+class MessageFolder(Sink):
     """Writes a file a message, and one for each bus where several carry the message.
 
     All files have temporary names until the last one is finished. Files that an earlier run wrote
@@ -91,9 +91,6 @@ class MessageFolder:
         self._is_new = not path.exists()
         path.mkdir(exist_ok=True)
 
-    def begin(self, t_ns: int) -> None:
-        """Do nothing: the files keep the stamps of the recording."""
-
     def write(self, rows: Sequence[GroupRows], _frames: Frames | None = None) -> None:
         """Append rows."""
         for part in rows:
@@ -103,10 +100,6 @@ class MessageFolder:
                 entry.rows += len(part.t_ns)
         while sum(entry.file.held for entry in self._entries.values()) > _CELLS:
             max(self._entries.values(), key=lambda entry: entry.file.held).file.flush()
-
-    def problems(self) -> list[str]:
-        """Nothing: the files hold the numbers as they are."""
-        return []
 
     def close(self) -> None:
         """Finish all files, which then get their names."""

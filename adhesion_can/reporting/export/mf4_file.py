@@ -18,6 +18,7 @@ from adhesion_can.reporting.export.layout import (
     Frames,
     Group,
     GroupRows,
+    Sink,
     count,
     in_order,
 )
@@ -30,7 +31,7 @@ _NOT_RISING = (
 )
 
 
-class Mf4File:
+class Mf4File(Sink):
     """Writes a group a message; asammdf holds what was written in a temporary file.
 
     A row that lacks an optional field has the invalidation bit of that channel set. A group for
@@ -145,10 +146,7 @@ def _sort_by_time(rows: GroupRows) -> GroupRows:
     if (np.diff(rows.t_ns) >= 0).all():
         return rows
     order = np.argsort(rows.t_ns, kind="stable")
-    columns = [
-        FieldColumn(c.values[order], None if c.missing is None else c.missing[order])
-        for c in rows.columns
-    ]
+    columns = [column.select(order) for column in rows.columns]
     return rows._replace(t_ns=rows.t_ns[order], columns=columns)
 
 
@@ -208,5 +206,5 @@ def _comment(field: Field) -> str:
 def open_sink(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
 ) -> Mf4File:
-    """Start an MF4 file; a `SinkOpener`."""
+    """Start an MF4 file."""
     return Mf4File(path, origin, groups)

@@ -188,5 +188,5 @@ def _widened(table: Any, schema: Any) -> Any:
 def open_sink(
     path: Path, origin: Mapping[str, str], groups: Sequence[Group], _decimals: int
 ) -> GrowingTable:
-    """Start a Parquet file; a `SinkOpener`."""
+    """Start a Parquet file."""
     return GrowingTable(path, ParquetFormat(not groups, origin), groups)

@@ -19,7 +19,10 @@ class _Format(NamedTuple):
     """Module of this package that writes a format.
 
     Attributes:
-        module: Name of the module; its function `open_sink` is a `SinkOpener`.
+        module: Name of the module; its function `open_sink` starts a file. It takes the path of the
+            finished file; version, inputs and the like by name; the groups of a plain table, or
+            none for a recording, whose messages become known as they are written; and the number of
+            decimals of time stamps in s, where they are text.
         extra: Extra of the package that the module needs; '' for none.
         library: Library behind the extra.
         by_channel: Whether the format keeps buses apart.

@@ -1,8 +1,10 @@
-"""What to do after `check`, `replay`, `identify` and `evaluate`."""
+"""What to do after `check`, `calibrate`, `replay`, `identify` and `evaluate`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
+from adhesion_can.calibration.agreement import differs
+from adhesion_can.calibration.fit import AxleRadius, Calibration
 from adhesion_can.diagnosis.evaluate import Evaluation
 from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
 from adhesion_can.estimation.batch_result import BatchResult, Segment
@@ -181,3 +183,39 @@ def _is_hidden(segment: Segment) -> bool:
 
 def _peak(estimate: Estimate) -> str:
     return f"The peak is {estimate.mu_max:.3f} at slip {estimate.lambda_m:.3f}"
+
+
+CALIBRATED = "calibrated.toml"
+"""Name of the configuration that the user has not named."""
+
+
+def after_calibration(found: Calibration, typed: Typed, rim: Collection[int]) -> NextStep:
+    """Whether the radii agree with the configuration, and what to do next.
+
+    Args:
+        found: Result of the calibration.
+        typed: What the user typed.
+        rim: Axles whose wheel speed is given as speed of the rim.
+
+    """
+    differing = [axle for axle in found.axles if differs(axle, found)]
+    target = typed.outputs.get("--out")
+    if not differing:
+        return NextStep("The radii agree with the configuration.", typed.on_inputs("diagnose"))
+    finding = " ".join(_describe(axle, rim) for axle in differing)
+    if target is None:
+        return NextStep(finding, typed.on_inputs("calibrate", "--out", CALIBRATED))
+    # The database is in the new configuration.
+    renewed = typed.with_configuration(target)
+    return NextStep(finding, renewed.on_inputs("diagnose"))
+
+
+def _describe(axle: AxleRadius, rim: Collection[int]) -> str:
+    percent = 100.0 * (axle.ratio - 1.0)
+    share = f"{abs(percent):.2f} % {'smaller' if percent < 0 else 'larger'} than configured"
+    if axle.axle in rim:
+        return f"Axle {axle.axle}'s wheel is {share} (its signal is a rim speed)."
+    return (
+        f"Axle {axle.axle}'s wheel is {share}: {axle.configured * axle.ratio:.4f} m, not "
+        f"{axle.configured:.4f}."
+    )
