@@ -12,7 +12,6 @@ from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from adhesion_can.ranges import Within, require_ranges
-from adhesion_can.sampling.former import common_load_std
 from adhesion_can.values import Value
 
 FALL_SIGNIFICANCE = 4.0
@@ -90,7 +89,7 @@ def build_estimate(
     c1, c2, c3 = map(float, theta)
     top = peak(c1, c2, c3, settings.slip_max)
     mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
-    mu_std = hypot(errors.mu_max, mu_max * common_load_std(samples.load, samples.load_std))
+    mu_std = hypot(errors.mu_max, mu_max * samples.load_common_std)
     farthest = float(np.quantile(reached, 1.0 - settings.reach))
     return Estimate(
         c1=c1,

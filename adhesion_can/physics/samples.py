@@ -85,6 +85,15 @@ class Samples(Value):
         """Variance of `slip` from wheel and vehicle speed, shape (n,)."""
         return np.asarray(self.slip_var + self.slip_common_var)
 
+    @property
+    def load_common_std(self) -> float:
+        """Relative standard deviation that unmeasured loads put on every adhesion value alike.
+
+        An axle's load error is the same in all its samples, so it does not average out with them:
+        it adds to the standard deviation of the curve's level as a whole.
+        """
+        return float(np.sqrt(np.mean((self.load_std / self.load) ** 2))) if len(self) else 0.0
+
     @classmethod
     def from_rows(cls, samples: Iterable[Sample]) -> "Samples":
         """Columns of a sequence of samples; the covariates are those that all samples carry."""

@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections import Counter
 from collections.abc import Mapping
 from copy import deepcopy
-from math import hypot, inf, nan, sqrt
+from math import hypot, inf, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -390,19 +390,3 @@ class SampleFormer(Stateful):
                 return static, hypot(load_std, effort * sum(row)), 0.0
             shift += share * other
         return static + self._travel * shift, load_std, 0.0
-
-
-def common_load_std(loads: np.ndarray, load_std: np.ndarray) -> float:
-    """Relative standard deviation that unmeasured loads put on every adhesion value alike.
-
-    An axle's load error is the same in all its samples, so it does not average out with them:
-    it adds to the standard deviation of the curve's level as a whole.
-
-    Args:
-        loads: Wheelset loads, N, shape (n,).
-        load_std: Standard deviations of the loads, N, shape (n,).
-
-    """
-    if not len(loads):
-        return 0.0
-    return sqrt(float(np.mean((load_std / loads) ** 2)))

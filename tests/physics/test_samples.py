@@ -163,3 +163,15 @@ def test_samples_equal_where_all_their_columns_do():
         [dataclasses.replace(row, covariates={"rain": 0.9})],
     ):
         assert not one.equals(Samples.from_rows(other))
+
+
+def test_loads_that_were_not_measured_are_a_common_relative_error():
+    samples = dataclasses.replace(
+        Samples.curve(np.full(8, 0.01), np.full(8, 0.2)),
+        load=np.full(8, 2e5),
+        load_std=np.full(8, 4e3),
+    )
+    assert samples.load_common_std == pytest.approx(0.02)
+    half = dataclasses.replace(samples, load_std=np.repeat([0.0, 4e3], 4))
+    assert half.load_common_std == pytest.approx(0.02 / np.sqrt(2))
+    assert NO_SAMPLES.load_common_std == 0.0

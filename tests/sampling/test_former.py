@@ -13,7 +13,7 @@ from adhesion_can.physics.readings import Direction, Reading, Role
 from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from adhesion_can.sampling.equations import SamplingSettings, Sensors
-from adhesion_can.sampling.former import SampleFormer, common_load_std
+from adhesion_can.sampling.former import SampleFormer
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 CYCLES = {
@@ -735,14 +735,6 @@ def test_every_wheel_reading_is_a_sample_or_counted_as_dropped():
         max(len(deduplicated(readings, W, axle)[0]) - 2, 0) for axle in range(1, VEHICLE.axles + 1)
     )
     assert len(samples) + sum(former.dropped.values()) == inner
-
-
-def test_load_that_was_not_measured_is_a_common_relative_error():
-    loads, stds = np.full(8, 2e5), np.full(8, 4e3)
-    assert common_load_std(loads, stds) == pytest.approx(0.02)
-    stds[:4] = 0.0
-    assert common_load_std(loads, stds) == pytest.approx(0.02 / np.sqrt(2))
-    assert common_load_std(np.array([]), np.array([])) == 0.0
 
 
 def test_a_sample_is_a_sample():

@@ -11,7 +11,6 @@ from adhesion_can.estimation.likelihood import UNDETERMINED
 from adhesion_can.physics.burckhardt import peak, peak_gradient
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
-from adhesion_can.sampling.former import common_load_std
 
 BINS = 500
 """Number of bins of the histogram of slip."""
@@ -83,7 +82,7 @@ class ForgettingWindow:
         self._counts *= self._forgetting ** len(samples)
         self._counts += np.bincount(np.minimum(bins, BINS - 1), weights, minlength=BINS)
         share = weights.sum() / self.samples
-        variance = common_load_std(samples.load, samples.load_std) ** 2
+        variance = samples.load_common_std**2
         self._load_variance += share * (variance - self._load_variance)
 
     def restart(self) -> None:
