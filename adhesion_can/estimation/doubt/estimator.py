@@ -5,9 +5,9 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 
+from adhesion_can.estimation.curves.online_comparison import FamilyComparison
 from adhesion_can.estimation.doubt.monitor import DoubtMonitor, further_std
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
-from adhesion_can.estimation.families.comparison import FamilyComparison
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.normal_quantiles import NORMAL_90
