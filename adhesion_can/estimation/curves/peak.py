@@ -37,13 +37,13 @@ def peak_errors(
     return mu_std, sqrt(max(float(move @ covariance @ move), 0.0))
 
 
-def find_nearest_burckhardt(
+def nearest_burckhardt(
     family: CurveFamily, values: Array, conditions: Conditions, slip_max: float = SLIP_MAX
 ) -> CurveParameters:
     """(c1, c2, c3) of the Burckhardt curve nearest to a curve, by least squares.
 
-    It is a denominator, so it is near over a wide range; `physics.curves.nearest_burckhardt` meets
-    the peak exactly and may reach zero within that range.
+    It is a denominator, so it is near over a wide range; `burckhardt_with_same_peak`
+    in `physics.curves` meets the peak exactly and may reach zero within that range.
 
     Args:
         family: Family of the curve.
