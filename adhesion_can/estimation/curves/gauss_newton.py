@@ -91,7 +91,7 @@ def minimise(
 
     """
     lower, upper = bounds
-    y = np.clip(start, lower, upper)
+    y = _within(start, lower, upper)
     here = evaluate(y)
     if not np.isfinite(here.cost):
         raise ValueError(f"the cost at the start {y} is {here.cost}")
@@ -100,12 +100,13 @@ def minimise(
         free = np.flatnonzero(~pressed & (here.gram.diagonal() > 0.0))
         if not len(free):
             break
-        inner = here.gram[np.ix_(free, free)]
+        inner = here.gram[free[:, None], free]
         scale = np.sqrt(inner.diagonal())
-        scaled = inner / np.outer(scale, scale) + damping * np.eye(len(free))
+        scaled = inner / (scale[:, None] * scale)
+        scaled.flat[:: len(free) + 1] += damping
         step = np.zeros(len(y))
         step[free] = np.linalg.solve(scaled, here.score[free] / scale) / scale
-        moved = np.clip(y + np.clip(step, -longest, longest), lower, upper)
+        moved = _within(y + _within(step, -longest, longest), lower, upper)
         there = evaluate(moved)
         if there.cost < here.cost:
             decrease = here.cost - there.cost
@@ -118,3 +119,8 @@ def minimise(
             if damping > LARGEST_DAMPING or np.array_equal(moved, y):
                 break
     return y, here
+
+
+def _within(values: Array, lower: Array | float, upper: Array | float) -> Array:
+    """Values moved to the nearest ones within bounds; on a few numbers half the time of np.clip."""
+    return np.minimum(np.maximum(values, lower), upper)

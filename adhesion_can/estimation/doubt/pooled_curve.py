@@ -13,7 +13,6 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.curves.gauss_newton import NormalEquations, minimise
 from adhesion_can.estimation.doubt.slip_basis import GRID, grid_values, projection
-from adhesion_can.estimation.tracker.prior import from_shape_coordinates
 from adhesion_can.estimation.tracker.settings import C1_MAX, C2_RANGE, PriorSettings
 from adhesion_can.physics.burckhardt import CurveParameters
 
@@ -23,7 +22,8 @@ LONGEST_STEP = 0.5
 """Largest change of a coordinate in one step."""
 LEAST_SHAPE = 1.5
 """Least shape s of a start."""
-_CENTRE, _STD = np.log(PriorSettings().wide_theta), np.array(PriorSettings().wide_std)
+_CENTRE = np.log(PriorSettings().wide_theta)
+_PRECISION = np.array(PriorSettings().wide_std) ** -2.0
 """Prior of (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3): the tracker's wide component."""
 _LOWER = np.array([-np.inf, log(C2_RANGE[0]), log(1.05)])
 _UPPER = np.array([log(C1_MAX), log(C2_RANGE[1]), log(12.0)])
@@ -112,12 +112,13 @@ def fit_curve(gram: Array, score: Array, start: CurveParameters) -> PooledCurve:
         coefficients = projection() @ np.stack([values, values, by_steepness, by_shape]).T
         curve, jacobian = coefficients[:, 0], coefficients[:, 1:]
         # Without the samples' own sum of squares, which is the same for all curves.
+        predicted = gram @ curve
         equations = NormalEquations(
-            float(curve @ gram @ curve - 2.0 * (curve @ score)),
-            jacobian.T @ (score - gram @ curve),
+            float(curve @ (predicted - 2.0 * score)),
+            jacobian.T @ (score - predicted),
             jacobian.T @ gram @ jacobian,
         )
-        return equations.with_prior(phi - _CENTRE, _STD**-2.0)
+        return equations.with_prior(phi - _CENTRE, _PRECISION)
 
     c1, c2, c3 = start
     phi, _ = minimise(
@@ -132,5 +133,5 @@ def fit_curve(gram: Array, score: Array, start: CurveParameters) -> PooledCurve:
 
 
 def _theta(phi: Array) -> CurveParameters:
-    c1, c2, c3 = from_shape_coordinates(phi[None])[0].tolist()
-    return c1, c2, c3
+    c1, c2, s = np.exp(phi).tolist()
+    return c1, c2, c1 * c2 * exp(-s)
