@@ -11,7 +11,7 @@ TEXT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 # What the files of an example have in common: its class, its role or its name on the bus.
 EXAMPLES = {
     "An effect": r"id=\"humidity\"",
-    "A curve family": r"class MagicFormula|curves\.magic_formula",
+    "A curve family": r"class MagicFormula|curves\.magic_formula|\bmagic_formula\"",
     "A role": r"Role\.RAIN\b|\bRAIN =|\bRain\b",
     "An estimator": r"ekf_estimator",
     "A format of written files": r"class ParquetPartFile|\"parquet_file\"",

@@ -21,7 +21,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import FittedModel, f
 from adhesion_can.diagnosis.result import SegmentResult
 from adhesion_can.diagnosis.shape_result import estimate_fitted_curve, find_conditions
 from adhesion_can.estimation.batch_fit import fit as fit_curve
-from adhesion_can.estimation.curves.peak import find_nearest_burckhardt
+from adhesion_can.estimation.curves.peak import nearest_burckhardt
 from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel, Matrix
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import CurveParameters
@@ -233,7 +233,7 @@ def _find_reference(family: CurveFamily, values: Array, conditions: Conditions) 
     top = family.peak(values, conditions, IdentifiabilitySettings().slip_max)
     if bool(top.interior):
         return curve_with_peak(float(top.mu_max), float(top.lambda_m), REFERENCE_EXPONENT)
-    return find_nearest_burckhardt(family, values, conditions)
+    return nearest_burckhardt(family, values, conditions)
 
 
 def _effect_covariances(fitted: FittedModel) -> tuple[Matrix | None, ...]:

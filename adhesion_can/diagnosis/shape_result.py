@@ -14,7 +14,7 @@ from adhesion_can.diagnosis.regression.model import RegressionData
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT, SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import FamilyResult, SegmentResult
-from adhesion_can.estimation.curves.peak import find_nearest_burckhardt
+from adhesion_can.estimation.curves.peak import nearest_burckhardt
 from adhesion_can.estimation.identifiability import (
     IdentifiabilitySettings,
     assess_peak,
@@ -75,7 +75,7 @@ def estimate_fitted_curve(
     def nearest(curves: SegmentCurves) -> Array:
         if is_burckhardt:
             return np.array(curves.parameters[0])
-        return np.array(find_nearest_burckhardt(curves.family, curves.parameters[0], conditions))
+        return np.array(nearest_burckhardt(curves.family, curves.parameters[0], conditions))
 
     def peak(curves: SegmentCurves) -> Array:
         top = curves.peak(0, conditions, SLIP_MAX)

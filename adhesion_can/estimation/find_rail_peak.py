@@ -2,10 +2,11 @@
 
 Burckhardt's curve has one bend, and where a rail bends otherwise its peak is wrong by far more than
 its standard deviation says. So the families are compared on the same samples: where the samples
-state errors of their slips, by binned samples with those errors removed (`families.comparison`),
-else by held-out score (`curves.hold_out`). Burckhardt's answer remains where the data do
-not contradict it. Else the peak is the pooled one of the families that the data cannot separate,
-with what the best of them leaves of the samples, and with the errors common to all samples.
+state errors of their slips, by binned samples with those errors removed
+(`curves.online_comparison`), else by held-out score (`curves.hold_out`). Burckhardt's answer
+remains where the data do not contradict it. Else the peak is the pooled one of the families that
+the data cannot separate, with what the best of them leaves of the samples, and with the errors
+common to all samples.
 """
 
 from dataclasses import replace
@@ -17,6 +18,8 @@ import scipy
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.curves.binned_points import build_points
+from adhesion_can.estimation.curves.binned_samples import BinnedSamples, join_binned
 from adhesion_can.estimation.curves.fit import (
     mean_conditions,
     noise_variance,
@@ -28,12 +31,10 @@ from adhesion_can.estimation.curves.hold_out import (
     compare_families,
     number_time_blocks,
 )
+from adhesion_can.estimation.curves.online_comparison import MISFIT_WIDTH, FamilyTracker
+from adhesion_can.estimation.curves.peak import find_top
 from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
 from adhesion_can.estimation.curves.result import CommonErrors
-from adhesion_can.estimation.families.bin_points import build_points
-from adhesion_can.estimation.families.binned_samples import BinnedSamples, join_binned
-from adhesion_can.estimation.families.comparison import MISFIT_WIDTH, FamilyTracker, find_top
-from adhesion_can.estimation.families.family_fit import predict
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess_peak
 from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
 from adhesion_can.physics.curves import Conditions, CurveFamily
@@ -203,7 +204,7 @@ def _compare_binned(samples: Samples, plain: Estimate, slip_max: float) -> _Comp
     binned = [BinnedSamples.from_samples(part, noise_std) for part in parts]
     comparison = tracker.compare(binned, plain.theta) or comparison
     best, means = comparison.leader, build_points(join_binned(binned), plain.theta)
-    residual = means.adhesion - predict(best.family, best.values, means)
+    residual = means.adhesion - means.predict(best.family, best.values)
     conditions = mean_conditions(points)
     names = sorted(comparison.probability, key=lambda name: -comparison.probability[name])
     return _Comparison(

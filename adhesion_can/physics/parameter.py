@@ -1,7 +1,7 @@
 """One number of an effect or of a curve family, with unit, range and meaning."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from math import isfinite
 from typing import NamedTuple
@@ -40,6 +40,21 @@ class SearchStart(Enum):
     """Phase of what the axle's wheel speed shows once a turn."""
 
 
+class NormalPrior(NamedTuple):
+    """What is expected of a parameter before any sample: normal, or lognormal.
+
+    Attributes:
+        mean: Value in the middle.
+        std: Standard deviation of the value, or of its logarithm.
+        logarithmic: Whether the logarithm of the value is normal; a fit moves it, too.
+
+    """
+
+    mean: float
+    std: float
+    logarithmic: bool
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One number of an effect or of a curve family.
@@ -59,6 +74,7 @@ class Parameter:
             it needs none.
         search: Values at which a search starts, where the parameter is not the size.
         step: Step of a numerical derivative, in `unit`; 0: a share of `typical`.
+        prior: What is expected of the value; None where no fit uses it.
 
     """
 
@@ -74,6 +90,15 @@ class Parameter:
     starts: tuple[float, ...] = (0.3, 1.0, 3.0)
     search: SearchStart = SearchStart.SCALES
     step: float = 0.0
+    prior: NormalPrior | None = None
+
+    def normal(self, mean: float, std: float) -> "Parameter":
+        """The parameter with a prior: its value is normal about `mean`."""
+        return replace(self, prior=NormalPrior(mean, std, logarithmic=False))
+
+    def lognormal(self, mean: float, std: float) -> "Parameter":
+        """The parameter with a prior: its logarithm is normal about that of `mean`."""
+        return replace(self, prior=NormalPrior(mean, std, logarithmic=True))
 
     @property
     def free(self) -> bool:

@@ -23,7 +23,7 @@ from adhesion_can.bus.roles import BoundMessage
 from adhesion_can.errors import InputError
 from adhesion_can.physics.burckhardt import Surface, peak
 from adhesion_can.physics.curves import Conditions
-from adhesion_can.physics.curves.nearest import nearest_burckhardt
+from adhesion_can.physics.curves.same_peak import burckhardt_with_same_peak
 from adhesion_can.physics.curves.surfaces import FamilySurface
 from adhesion_can.physics.effects import ActiveEffect, build_instruments
 from adhesion_can.physics.status import Status
@@ -300,7 +300,7 @@ class Simulation:
         load = float(np.mean(self.settings.vehicle.axle_load))
         conditions = Conditions(speed, load)
         top = surface.family.peak(surface.values, conditions)
-        c1, c2, c3 = nearest_burckhardt(surface.family, surface.values, conditions)
+        c1, c2, c3 = burckhardt_with_same_peak(surface.family, surface.values, conditions)
         return {
             "name": surface.name,
             "c1": c1,

@@ -7,7 +7,7 @@ import adhesion_can
 from adhesion_can.bus.database import load_database
 from adhesion_can.physics.burckhardt import adhesion, peak
 from adhesion_can.physics.curves import FAMILIES, Conditions
-from adhesion_can.physics.curves.nearest import nearest_burckhardt
+from adhesion_can.physics.curves.same_peak import burckhardt_with_same_peak
 from adhesion_can.physics.curves.surfaces import POLACH_RAIL
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
@@ -19,7 +19,7 @@ POLACH = [s for s in SCENARIOS if s.name.startswith("polach-")]
 def test_the_nearest_burckhardt_curve_has_the_same_peak_and_is_near_around_it(surface):
     conditions = Conditions(10.0, 245e3)
     top = surface.family.peak(surface.values, conditions)
-    theta = nearest_burckhardt(surface.family, surface.values, conditions)
+    theta = burckhardt_with_same_peak(surface.family, surface.values, conditions)
     same = peak(*theta)
     assert float(same.mu_max) == pytest.approx(float(top.mu_max), rel=1e-6)
     assert float(same.lambda_m) == pytest.approx(float(top.lambda_m), rel=1e-6)

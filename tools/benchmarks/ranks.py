@@ -20,16 +20,12 @@ from _data import POOLED, feed, points  # noqa: E402  after the path
 from _report import Report, over_cores  # noqa: E402
 from _rows import positive, random_parser  # noqa: E402
 
-from adhesion_can.estimation.families.bin_points import build_points  # noqa: E402
-from adhesion_can.estimation.families.binned_samples import BinnedSamples  # noqa: E402
-from adhesion_can.estimation.families.comparison import GRID, draw_curves, find_top  # noqa: E402
-from adhesion_can.estimation.families.family_fit import (  # noqa: E402
-    PRIORS,
-    coordinate_bounds,
-    fit_from_starts,
-    to_coordinates,
-    to_values,
-)
+from adhesion_can.estimation.curves.binned_points import build_points  # noqa: E402
+from adhesion_can.estimation.curves.binned_samples import BinnedSamples  # noqa: E402
+from adhesion_can.estimation.curves.coordinates import coordinates_of  # noqa: E402
+from adhesion_can.estimation.curves.evidence import WEIGHED, fit_from_starts  # noqa: E402
+from adhesion_can.estimation.curves.online_comparison import GRID  # noqa: E402
+from adhesion_can.estimation.curves.peak import find_top  # noqa: E402
 from adhesion_can.estimation.tracker.prior import Prior  # noqa: E402
 from adhesion_can.estimation.tracker.settings import PriorSettings  # noqa: E402
 from adhesion_can.estimation.tracker.tracker import Tracker  # noqa: E402
@@ -100,21 +96,19 @@ def rank_in_family(name, seed, run):
     for count in COUNTS:
         binned = BinnedSamples.from_samples(samples.select(slice(count)), noise_std)
         fit = fit_from_starts(build_points(binned, NEARBY), family, 1.0)
-        curves = draw_curves(fit, GRID, conditions)
-        tops = find_top(GRID, curves)[:2]
+        tops = find_top(GRID, fit.draw_curves(GRID, conditions))[:2]
         ranks += [rank(drawn, truth) for drawn, truth in zip(tops, true, strict=True)]
     return [reach / true[1], *ranks]
 
 
 def draw_values(family, rng):
     """Parameters drawn from a family's prior, within its bounds."""
-    prior = PRIORS[family.name]
-    centre = to_coordinates(family, np.array(prior.mean))
-    lower, upper = coordinate_bounds(family)
+    coordinates = coordinates_of(family)
     while True:
-        drawn = centre + np.array(prior.std) * rng.standard_normal(len(centre))
-        if ((drawn > lower) & (drawn < upper)).all():
-            return to_values(family, drawn)
+        noise = rng.standard_normal(len(coordinates.centre))
+        drawn = coordinates.centre + coordinates.precision**-0.5 * noise
+        if ((drawn > coordinates.lower) & (drawn < coordinates.upper)).all():
+            return coordinates.to_values(drawn)
 
 
 def measure(report, options):
@@ -123,7 +117,7 @@ def measure(report, options):
         f"{REACH[0]} to {REACH[1]}; p of Kolmogorov and Smirnov's test that ranks are uniform"
     )
     ways = {"tracker (Burckhardt)": rank_in_tracker}
-    ways |= {f"family {name}": partial(rank_in_family, name) for name in PRIORS}
+    ways |= {f"family {one.name}": partial(rank_in_family, one.name) for one in WEIGHED}
     for title, way in ways.items():
         runs = over_cores(partial(way, options.seed), range(options.runs), options.jobs, title)
         reach, *ranks = np.array(runs).T

@@ -38,7 +38,7 @@ from adhesion_can.physics.effects import acts_in_contact
 from adhesion_can.physics.effects.contact_factors import FALLING_FRICTION
 
 OTHERS: tuple[CurveFamily, ...] = tuple(
-    FAMILIES[name] for name in ("polach", "magic_formula", "free")
+    family for name, family in FAMILIES.items() if name not in ("burckhardt", "burckhardt_c4")
 )
 """Families that may replace Burckhardt's. With c4 it is Burckhardt's with `falling_friction`."""
 FREE = FAMILIES["free"]

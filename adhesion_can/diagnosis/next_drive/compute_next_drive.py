@@ -26,7 +26,7 @@ from adhesion_can.diagnosis.next_drive.result import NextDrive, PairDiscrepancy
 from adhesion_can.diagnosis.next_drive.search import Compute, DriveSequence, find_shortest
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.segment_curves import BURCKHARDT
-from adhesion_can.estimation.curves.peak import find_nearest_burckhardt
+from adhesion_can.estimation.curves.peak import nearest_burckhardt
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
@@ -206,7 +206,7 @@ def _nearest_curve(explanation: Explanation, setting: DriveSetting) -> tuple[flo
         c1, c2, c3 = map(float, values)
         return c1, c2, c3
     conditions = Conditions(setting.speed, float(setting.load.mean()))
-    return find_nearest_burckhardt(curves.family, values, conditions)
+    return nearest_burckhardt(curves.family, values, conditions)
 
 
 def _with_peak(curve: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -203,5 +203,5 @@ def _refined(
         return normal_equations(innovation(theta, h, z), sensitivity(theta, h).T, weight)
 
     bounds = np.array(settings.lower), np.array(settings.upper)
-    theta, cost = minimise(evaluate, np.array(start.theta), bounds, steps=200, converged=1e-10)
-    return assess(theta, cost, samples, identifiability)
+    theta, best = minimise(evaluate, np.array(start.theta), bounds, steps=200, converged=1e-10)
+    return assess(theta, best.cost, samples, identifiability)

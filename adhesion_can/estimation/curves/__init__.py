@@ -1,1 +1,1 @@
-"""Curves of any family fitted to samples: points, fit, peak, and scores of families."""
+"""Curves of any family fitted to samples, offline and online: points, fit, peak, scores."""

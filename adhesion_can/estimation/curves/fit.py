@@ -154,7 +154,8 @@ def _minimise(
         gradient = family.gradient(points.slip, values, points.conditions)
         return normal_equations(residual, gradient, weights)
 
-    return minimise(evaluate, start, bounds(family), steps=150, converged=1e-9)
+    values, best = minimise(evaluate, start, bounds(family), steps=150, converged=1e-9)
+    return values, best.cost
 
 
 def mean_square_residual(points: CurvePoints, family: CurveFamily, values: Array) -> Array:

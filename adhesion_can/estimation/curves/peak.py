@@ -1,6 +1,6 @@
-"""Standard deviations of a fitted curve's peak, and the Burckhardt curve nearest to a curve."""
+"""Peaks of fitted curves and of curves on a grid, and the Burckhardt curve nearest to a curve."""
 
-from math import inf, sqrt
+from math import inf, log, sqrt
 
 import numpy as np
 
@@ -37,13 +37,13 @@ def peak_errors(
     return mu_std, sqrt(max(float(move @ covariance @ move), 0.0))
 
 
-def find_nearest_burckhardt(
+def nearest_burckhardt(
     family: CurveFamily, values: Array, conditions: Conditions, slip_max: float = SLIP_MAX
 ) -> CurveParameters:
     """(c1, c2, c3) of the Burckhardt curve nearest to a curve, by least squares.
 
-    It is a denominator, so it is near over a wide range; `physics.curves.nearest_burckhardt` meets
-    the peak exactly and may reach zero within that range.
+    It is a denominator, so it is near over a wide range; `burckhardt_with_same_peak`
+    in `physics.curves` meets the peak exactly and may reach zero within that range.
 
     Args:
         family: Family of the curve.
@@ -56,3 +56,33 @@ def find_nearest_burckhardt(
     slip = np.linspace(NEAR[0] * lambda_m, min(NEAR[1] * lambda_m, slip_max), NEAR_POINTS)
     c1, c2, c3 = fit_least_squares(slip, family.adhesion(slip, values, conditions))
     return float(c1), float(c2), float(c3)
+
+
+def find_top(grid: Array, curves: Array) -> Array:
+    """Height and place of the largest value of curves, and the relative bend there; (3, ..).
+
+    The bend is −d² ln μ/d(ln λ)²; the place is that of the parabola through three points.
+
+    Args:
+        grid: Slip ratios, even in ln λ, shape (n,).
+        curves: Adhesion on the grid, shape (.., n).
+
+    """
+    top = np.argmax(curves, axis=-1)
+    step = log(grid[1] / grid[0])
+    inner = np.clip(top, 1, len(grid) - 2)
+    left, middle, right = (
+        np.take_along_axis(curves, (inner + k)[..., None], axis=-1)[..., 0] for k in (-1, 0, 1)
+    )
+    second = (2.0 * middle - left - right) / step**2
+    bend = np.maximum(second / middle, 1e-3)
+    interior = (inner == top) & (second > 0.0)
+    shift = 0.5 * (right - left) / step / np.where(interior, second, 1.0)
+    heights = np.take_along_axis(curves, top[..., None], axis=-1)[..., 0]
+    return np.stack(
+        [
+            np.where(interior, middle + 0.5 * second * shift * shift, heights),
+            np.where(interior, grid[inner] * np.exp(np.where(interior, shift, 0.0)), grid[top]),
+            bend,
+        ]
+    )

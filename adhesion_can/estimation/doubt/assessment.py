@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from adhesion_can.estimation.curves.online_comparison import FamilyComparison
 from adhesion_can.estimation.doubt.lasting_errors import NONE, LastingErrors
-from adhesion_can.estimation.families.comparison import FamilyComparison
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import PeakEstimate
 from adhesion_can.values import Value

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.curves.binned_samples import EMPTY, BinnedSamples, join_binned
 from adhesion_can.estimation.doubt.pooled_curve import BUMPS, PooledCurve, fit_curve, linearise
 from adhesion_can.estimation.doubt.rows import Rows
 from adhesion_can.estimation.doubt.slip_basis import SIZE
-from adhesion_can.estimation.families.binned_samples import EMPTY, BinnedSamples, join_binned
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.values import Stateful, Value
 

@@ -5,9 +5,9 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 
+from adhesion_can.estimation.curves.online_comparison import FamilyComparison
 from adhesion_can.estimation.doubt.monitor import DoubtMonitor, further_std
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
-from adhesion_can.estimation.families.comparison import FamilyComparison
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.normal_quantiles import NORMAL_90
@@ -15,7 +15,7 @@ from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.burckhardt import peak as burckhardt_peak
 from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.curves.burckhardt import curve_with_peak
-from adhesion_can.physics.curves.nearest import nearest_burckhardt
+from adhesion_can.physics.curves.same_peak import burckhardt_with_same_peak
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate, has_peak
 from adhesion_can.physics.samples import Samples
@@ -139,7 +139,7 @@ class DoubtingTracker(Stateful):
         if self._peak is None or self._peak[0] != key:
             end, leader = self._limits.slip_max, comparison.leader
             peak = comparison.peak(conditions, end)
-            nearest = nearest_burckhardt(leader.family, leader.values, conditions, end)
+            nearest = burckhardt_with_same_peak(leader.family, leader.values, conditions, end)
             top = burckhardt_peak(*nearest)
             theta = curve_with_peak(peak.mu_max, peak.lambda_m, nearest[1] * float(top.lambda_m))
             self._peak = key, (peak, theta)

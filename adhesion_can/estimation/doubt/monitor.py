@@ -11,6 +11,8 @@ from math import ceil, hypot, inf, sqrt
 import numpy as np
 
 from adhesion_can.estimation.batch_means import FEWEST
+from adhesion_can.estimation.curves.binned_samples import BinnedSamples
+from adhesion_can.estimation.curves.online_comparison import FamilyComparison, FamilyTracker
 from adhesion_can.estimation.doubt.assessment import UNKNOWN, Assessment
 from adhesion_can.estimation.doubt.blocks import (
     CURVE,
@@ -45,8 +47,6 @@ from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, Selection, select_directions
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
 from adhesion_can.estimation.doubt.surface_changes import find_confirmed_change
-from adhesion_can.estimation.families.binned_samples import BinnedSamples
-from adhesion_can.estimation.families.comparison import FamilyComparison, FamilyTracker
 from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt

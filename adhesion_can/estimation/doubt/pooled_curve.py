@@ -11,14 +11,20 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.curves.gauss_newton import NormalEquations, minimise
 from adhesion_can.estimation.doubt.slip_basis import GRID, grid_values, projection
-from adhesion_can.estimation.tracker.settings import C1_MAX, C2_RANGE
+from adhesion_can.estimation.tracker.settings import C1_MAX, C2_RANGE, PriorSettings
 from adhesion_can.physics.burckhardt import CurveParameters
 
 STEPS = 12
 """Largest number of steps of the fit."""
-_CENTRE, _STD = np.log([0.35, 45.0, 4.1]), np.array([0.6, 0.7, 0.25])
-"""Prior of (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3), as the tracker's wide one."""
+LONGEST_STEP = 0.5
+"""Largest change of a coordinate in one step."""
+LEAST_SHAPE = 1.5
+"""Least shape s of a start."""
+_CENTRE = np.log(PriorSettings().wide_theta)
+_PRECISION = np.array(PriorSettings().wide_std) ** -2.0
+"""Prior of (ln c1, ln c2, ln s) with the shape s = ln(c1 c2/c3): the tracker's wide component."""
 _LOWER = np.array([-np.inf, log(C2_RANGE[0]), log(1.05)])
 _UPPER = np.array([log(C1_MAX), log(C2_RANGE[1]), log(12.0)])
 BUMPS = np.arange(-5, 6) * 0.35
@@ -88,7 +94,7 @@ def on_grid(coefficients: Array) -> Array:
 
 
 def fit_curve(gram: Array, score: Array, start: CurveParameters) -> PooledCurve:
-    """Curve that fits best, by damped Gauss-Newton steps (Levenberg-Marquardt).
+    """Curve that fits best.
 
     Args:
         gram: Weighted Gram matrix of the slip basis, shape (SIZE, SIZE).
@@ -96,38 +102,33 @@ def fit_curve(gram: Array, score: Array, start: CurveParameters) -> PooledCurve:
         start: Parameters (c1, c2, c3) to start with.
 
     """
-    c1, c2, c3 = start
-    phi = np.log([c1, c2, max(log(c1 * c2 / c3), 1.5)])
-    damping, precision = 1e-2, _STD**-2.0
 
-    def linear(phi: Array) -> tuple[Array, Array, float]:
-        theta = _theta(phi)
-        c1, c2, c3 = theta
+    def evaluate(phi: Array) -> NormalEquations:
+        c1, c2, c3 = _theta(phi)
         decay = np.exp(-c2 * GRID)
         values = c1 * (1.0 - decay) - c3 * GRID
         by_steepness = c1 * c2 * GRID * decay - c3 * GRID
         by_shape = c3 * log(c1 * c2 / c3) * GRID
         coefficients = projection() @ np.stack([values, values, by_steepness, by_shape]).T
-        w = coefficients[:, 0]
-        away = phi - _CENTRE
-        cost = w @ gram @ w - 2.0 * (w @ score) + precision @ (away * away)
-        return w, coefficients[:, 1:], float(cost)
+        curve, jacobian = coefficients[:, 0], coefficients[:, 1:]
+        # Without the samples' own sum of squares, which is the same for all curves.
+        predicted = gram @ curve
+        equations = NormalEquations(
+            float(curve @ (predicted - 2.0 * score)),
+            jacobian.T @ (score - predicted),
+            jacobian.T @ gram @ jacobian,
+        )
+        return equations.with_prior(phi - _CENTRE, _PRECISION)
 
-    w, jacobian, cost = linear(phi)
-    for _ in range(STEPS):
-        gradient = jacobian.T @ (score - gram @ w) - precision * (phi - _CENTRE)
-        hessian = jacobian.T @ gram @ jacobian + np.diag(precision)
-        step = np.linalg.solve(hessian + damping * np.diag(hessian.diagonal()), gradient)
-        moved = np.clip(phi + np.clip(step, -0.5, 0.5), _LOWER, _UPPER)
-        w_moved, jacobian_moved, cost_moved = linear(moved)
-        if cost_moved < cost:
-            done = cost - cost_moved < 1e-6 * abs(cost)
-            phi, w, jacobian, cost = moved, w_moved, jacobian_moved, cost_moved
-            damping *= 0.3
-            if done:
-                break
-        else:
-            damping *= 5.0
+    c1, c2, c3 = start
+    phi, _ = minimise(
+        evaluate,
+        np.log([c1, c2, max(log(c1 * c2 / c3), LEAST_SHAPE)]),
+        (_LOWER, _UPPER),
+        steps=STEPS,
+        converged=1e-6,
+        longest=LONGEST_STEP,
+    )
     return PooledCurve(_theta(phi))
 
 

@@ -71,6 +71,14 @@ class CurveFamily(Protocol):
         """The numbers of the family; their bounds are those of a fit."""
         ...
 
+    @property
+    def prior_weight(self) -> float:
+        """Probability relative to other families before any sample; 0: not weighed online.
+
+        A family that is weighed online has a prior for each parameter.
+        """
+        ...
+
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient μ(λ), odd in the slip.
 

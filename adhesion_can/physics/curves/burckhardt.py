@@ -12,9 +12,11 @@ from adhesion_can.physics.curves.base import Conditions, Values, within_bounds
 from adhesion_can.physics.curves.peak_search import rough_peak
 from adhesion_can.physics.parameter import Parameter
 
-C1 = Parameter("c1", "1", 0.4, 1e-6, 10.0, "level of the curve")
-C2 = Parameter("c2", "1", 60.0, 1.0, 1000.0, "steepness, per unit of slip")
-C3 = Parameter("c3", "1", 0.3, 0.0, 10.0, "fall beyond the peak, per unit of slip")
+C1 = Parameter("c1", "1", 0.4, 1e-6, 10.0, "level of the curve").lognormal(0.35, 0.6)
+C2 = Parameter("c2", "1", 60.0, 1.0, 1000.0, "steepness, per unit of slip").lognormal(45.0, 0.7)
+C3 = Parameter("c3", "1", 0.3, 0.0, 10.0, "fall beyond the peak, per unit of slip").lognormal(
+    0.3, 1.2
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,7 @@ class Burckhardt:
     title: str = "Burckhardt"
     literature: str = "Burckhardt 1993, eq. 5 of He et al. 2018"
     parameters: tuple[Parameter, ...] = (C1, C2, C3)
+    prior_weight: float = 0.7
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient."""

@@ -27,8 +27,11 @@ class BurckhardtC4:
         C1,
         C2,
         C3,
-        Parameter("c4", "s/m", 0.1, 0.0, 20.0, "fall of the adhesion with creep speed"),
+        Parameter("c4", "s/m", 0.1, 0.0, 20.0, "fall of the adhesion with creep speed").normal(
+            0.0, 0.1
+        ),
     )
+    prior_weight: float = 0.1
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient."""

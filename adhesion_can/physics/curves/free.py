@@ -53,6 +53,7 @@ class Free:
             for r, typical in zip(_FALL, (0.15, 0.35), strict=True)
         ),
     )
+    prior_weight: float = 0.0
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient."""

@@ -22,11 +22,14 @@ class MagicFormula:
     title: str = "magic formula"
     literature: str = "Bakker, Nyborg & Pacejka, SAE 870421 (1987)"
     parameters: tuple[Parameter, ...] = (
-        Parameter("B", "1", 60.0, 0.5, 5000.0, "stiffness, per unit of slip"),
-        Parameter("C", "1", 1.3, 0.5, 2.0, "shape: how far the curve falls beyond its peak"),
-        Parameter("D", "1", 0.4, 1e-6, 10.0, "adhesion at the peak"),
-        Parameter("E", "1", 0.0, -30.0, 1.0, "curvature near the peak"),
+        Parameter("B", "1", 60.0, 0.5, 5000.0, "stiffness, per unit of slip").lognormal(60.0, 1.0),
+        Parameter("C", "1", 1.3, 0.5, 2.0, "shape: how far the curve falls beyond its peak").normal(
+            1.3, 0.3
+        ),
+        Parameter("D", "1", 0.4, 1e-6, 10.0, "adhesion at the peak").lognormal(0.4, 0.6),
+        Parameter("E", "1", 0.0, -30.0, 1.0, "curvature near the peak").normal(0.0, 1.5),
     )
+    prior_weight: float = 0.1
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient."""

@@ -47,12 +47,21 @@ class Polach:
     parameters: tuple[Parameter, ...] = (
         Parameter(
             "kA", "1", 0.6, 0.005, 5.0, "reduction of the stiffness where the contact adheres"
+        ).lognormal(0.5, 1.0),
+        Parameter(
+            "kS", "1", 0.25, 0.005, 5.0, "reduction of the stiffness where it slips, <= kA"
+        ).lognormal(0.2, 1.0),
+        Parameter(
+            "mu0", "1", 0.4, 0.005, 3.0, "friction coefficient at zero creep speed"
+        ).lognormal(0.4, 0.6),
+        Parameter("A", "1", 0.4, 0.0, 1.0, "share of the friction left at high creep speed").normal(
+            0.4, 0.25
         ),
-        Parameter("kS", "1", 0.25, 0.005, 5.0, "reduction of the stiffness where it slips, <= kA"),
-        Parameter("mu0", "1", 0.4, 0.005, 3.0, "friction coefficient at zero creep speed"),
-        Parameter("A", "1", 0.4, 0.0, 1.0, "share of the friction left at high creep speed"),
-        Parameter("B", "s/m", 0.4, 0.0, 60.0, "rate at which friction falls with creep speed"),
+        Parameter(
+            "B", "s/m", 0.4, 0.0, 60.0, "rate at which friction falls with creep speed"
+        ).lognormal(0.4, 1.0),
     )
+    prior_weight: float = 0.1
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient."""

@@ -22,9 +22,9 @@ from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, PeakEstimate
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful, Value
+from tests.estimation.curves.family_helpers import make_samples as make_law_samples
+from tests.estimation.curves.family_helpers import polach
 from tests.estimation.doubt.doubt_helpers import AXLES, THETA, in_seconds, make_samples
-from tests.estimation.families.family_helpers import make_samples as make_law_samples
-from tests.estimation.families.family_helpers import polach
 
 STEP_S = 0.2
 MU_MAX, LAMBDA_M = (float(x) for x in (peak(*THETA, 0.5).mu_max, peak(*THETA, 0.5).lambda_m))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.families.binned_samples import (
+from adhesion_can.estimation.curves.binned_samples import (
     ADHESION,
     COUNT,
     EMPTY,
@@ -11,7 +11,7 @@ from adhesion_can.estimation.families.binned_samples import (
     BinnedSamples,
     join_binned,
 )
-from tests.estimation.families.family_helpers import burckhardt, make_samples
+from tests.estimation.curves.family_helpers import burckhardt, make_samples
 
 
 def binned(samples):

@@ -1,4 +1,4 @@
-"""The Burckhardt curve nearest to a curve of another family around its peak."""
+"""The Burckhardt curve with the peak of another family's curve."""
 
 from functools import cache
 
@@ -15,7 +15,7 @@ _EXPONENTS = np.geomspace(0.2, 12.0, 240)
 """Values of c2·λ_m that are tried, 2 % apart."""
 
 
-def nearest_burckhardt(
+def burckhardt_with_same_peak(
     family: CurveFamily, values: Values, conditions: Conditions, slip_max: float = SLIP_MAX
 ) -> CurveParameters:
     """(c1, c2, c3) of the Burckhardt curve with the same peak that is nearest around it.

@@ -9,13 +9,14 @@ measured slip is regression calibration (Carroll et al., Measurement Error in No
 over both the curve is averaged.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.families.binned_samples import (
+from adhesion_can.estimation.curves.binned_samples import (
     ADHESION,
     ADHESION_VAR,
     COUNT,
@@ -30,15 +31,18 @@ from adhesion_can.estimation.families.binned_samples import (
     BinnedSamples,
 )
 from adhesion_can.physics.burckhardt import CurveParameters
-from adhesion_can.physics.curves import Conditions
+from adhesion_can.physics.curves import Conditions, CurveFamily
 
 LEAST_SLIPS = 2.0
 """Mean slip over its standard error below which a bin is left out: its sign is not sure."""
 FEWEST = 3.0
 """Number of samples below which a bin is left out."""
 
+CurveFunction = Callable[[Array, Array, Conditions], Array]
+"""Adhesion, slope or gradient of a family: of slips, values and conditions."""
 
-class BinPoints(NamedTuple):
+
+class BinnedPoints(NamedTuple):
     """Points of a curve, each from the samples of one bin; shape (n,) each.
 
     Attributes:
@@ -58,8 +62,18 @@ class BinPoints(NamedTuple):
     weight: Array
     conditions: Conditions
 
+    def average(self, function: CurveFunction, values: Array) -> Array:
+        """A function of the slip averaged over the scatter of the slips, shape (..., n)."""
+        above = function(self.slip + self.slip_std, values, self.conditions)
+        below = function(self.slip - self.slip_std, values, self.conditions)
+        return 0.5 * (above + below)
 
-def build_points(binned: BinnedSamples, theta: CurveParameters) -> BinPoints:
+    def predict(self, family: CurveFamily, values: Array) -> Array:
+        """Mean adhesion of the points on a curve, shape (n,)."""
+        return self.average(family.adhesion, values)
+
+
+def build_points(binned: BinnedSamples, theta: CurveParameters) -> BinnedPoints:
     """Points of the curve from binned samples.
 
     Args:
@@ -79,7 +93,7 @@ def build_points(binned: BinnedSamples, theta: CurveParameters) -> BinPoints:
     slope = c1 * c2 * np.exp(-c2 * slip) - c3
     good = (slip > LEAST_SLIPS * np.sqrt(var)) & (count >= FEWEST) & (true_slip > 0.3 * slip)
     rows = np.flatnonzero(good).astype(np.int64)
-    return BinPoints(
+    return BinnedPoints(
         rows,
         true_slip[rows],
         np.minimum(scatter, 0.9 * true_slip)[rows],

@@ -5,18 +5,12 @@ import pytest
 from scipy.optimize import least_squares
 
 from adhesion_can.estimation.batch_means import batch_inflation
-from adhesion_can.estimation.families.bin_points import build_points
-from adhesion_can.estimation.families.binned_samples import BinnedSamples
-from adhesion_can.estimation.families.comparison import FamilyTracker
-from adhesion_can.estimation.families.family_fit import (
-    PRIORS,
-    fit_from_starts,
-    known_families,
-    predict,
-    to_coordinates,
-)
-from adhesion_can.physics.curves import Conditions, bounds
-from tests.estimation.families.family_helpers import burckhardt, make_samples, polach, top
+from adhesion_can.estimation.curves.binned_points import build_points
+from adhesion_can.estimation.curves.binned_samples import BinnedSamples
+from adhesion_can.estimation.curves.evidence import WEIGHED, fit_from_starts
+from adhesion_can.estimation.curves.online_comparison import FamilyTracker
+from adhesion_can.physics.curves import Conditions
+from tests.estimation.curves.family_helpers import burckhardt, make_samples, polach, top
 
 NOISE = 0.01
 THETA = (0.35, 40.0, 0.3)
@@ -102,24 +96,35 @@ def test_too_few_samples_say_nothing():
     assert FamilyTracker().compare(blocks_of(LAWS["polach"], 1, seconds=0.2), THETA) is None
 
 
-@pytest.mark.parametrize("family", known_families(), ids=lambda one: one.name)
+@pytest.mark.parametrize("family", WEIGHED, ids=lambda one: one.name)
 def test_a_fit_is_scipys(family):
     """The sum of squares with the prior is not larger than that of SciPy's bounded fit."""
     points = build_points(blocks_of(LAWS["polach"], 3, seconds=40.0, block_s=40.0)[0], THETA)
     found = fit_from_starts(points, family, 20.0)
-    prior = PRIORS[family.name]
-    centre = to_coordinates(family, np.array(prior.mean))
+    priors = [p.prior for p in family.parameters]
+    logs = np.array([prior.logarithmic for prior in priors])
+
+    def coordinates_of(values):
+        return np.where(logs, np.log(np.maximum(values, 1e-9)), values)
+
+    centre = coordinates_of([prior.mean for prior in priors])
 
     def residual(coordinates):
-        values = np.where(prior.logarithmic, np.exp(coordinates), coordinates)
-        left = points.adhesion - predict(family, values, points)
-        penalty = (coordinates - centre) / np.array(prior.std)
+        values = np.where(logs, np.exp(coordinates), coordinates)
+        ends = (
+            family.adhesion(points.slip + side * points.slip_std, values, points.conditions)
+            for side in (-1, 1)
+        )
+        left = points.adhesion - np.mean(list(ends), axis=0)
+        penalty = (coordinates - centre) / [prior.std for prior in priors]
         return np.concatenate([np.sqrt(points.weight / 20.0) * left, penalty])
 
-    ends = [to_coordinates(family, end) for end in bounds(family)]
-    start = np.clip(found.coordinates, ends[0] + 1e-6, ends[1] - 1e-6)
-    by_scipy = least_squares(residual, start, bounds=ends)
-    assert found.cost + found.penalty < 2.0 * by_scipy.cost + 0.1
+    lower = coordinates_of([p.lower for p in family.parameters])
+    upper = coordinates_of([p.upper for p in family.parameters])
+    start = np.clip(found.mode, lower + 1e-6, upper - 1e-6)
+    by_scipy = least_squares(residual, start, bounds=(lower, upper))
+    assert found.cost < 2.0 * by_scipy.cost + 0.1
+    assert found.cost == pytest.approx(np.sum(residual(found.mode) ** 2))
 
 
 def test_inflation_is_that_of_batch_means():

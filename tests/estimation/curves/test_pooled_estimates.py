@@ -10,7 +10,7 @@ from adhesion_can.estimation.doubt.settings import EXACT
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.samples import Samples
-from tests.estimation.families.family_helpers import AXLES, burckhardt, make_samples, polach, top
+from tests.estimation.curves.family_helpers import AXLES, burckhardt, make_samples, polach, top
 
 STEP_S = 0.2
 

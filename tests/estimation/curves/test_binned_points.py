@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.families.bin_points import build_points
-from adhesion_can.estimation.families.binned_samples import (
+from adhesion_can.estimation.curves.binned_points import build_points
+from adhesion_can.estimation.curves.binned_samples import (
     ADHESION,
     COUNT,
     SLIP,
     SLIP_EDGES,
     BinnedSamples,
 )
-from tests.estimation.families.family_helpers import burckhardt, make_samples
+from tests.estimation.curves.family_helpers import burckhardt, make_samples
 
 THETA = (0.41, 33.0, 0.38)
 

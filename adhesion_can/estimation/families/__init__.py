@@ -1,1 +1,0 @@
-"""Curve families weighed against each other online, from binned samples."""
