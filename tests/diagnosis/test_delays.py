@@ -210,9 +210,10 @@ def noisy_car(path, seed, late_s):
 @pytest.mark.parametrize(
     "late_s", [0.05, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.13, -0.05))]
 )
-def test_noise_of_the_slips_moves_no_delay_and_makes_no_relaxation_of_it(tmp_path, late_s):
+@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 4), marks=pytest.mark.slow)])
+def test_noise_of_the_slips_moves_no_delay_and_makes_no_relaxation_of_it(tmp_path, late_s, seeds):
     """Between rows a straight line averages noise, and so does a relaxation."""
-    for seed in range(2):
+    for seed in seeds:
         found = diagnose_files(noisy_car(tmp_path / "t.csv", seed, late_s))
         lags = {one.effect: one.parameters[0] for one in found.causes if one.effect in LAGS}
         assert list(lags) == ["effort_delay"]

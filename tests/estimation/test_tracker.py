@@ -719,7 +719,8 @@ def test_noise_that_is_not_the_configured_one_is_no_change_at_the_start(noise):
     assert sum(changes_declared(scenario, 3.0, seed, noise, None) for seed in range(6)) == 0
 
 
-def test_loads_between_their_readings_are_no_other_surface():
-    """Two drives of 45 s, half of the noise: none; seven and nine where loads were held still."""
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_loads_between_their_readings_are_no_other_surface(seed):
+    """A drive of 45 s, half of the noise: none; seven and nine where loads were held still."""
     scenario = replace(scenario_by_name("sweep"), speed=8.0)
-    assert sum(changes_declared(scenario, 45.0, seed, 0.5, None) for seed in (1, 2)) == 0
+    assert changes_declared(scenario, 45.0, seed, 0.5, None) == 0

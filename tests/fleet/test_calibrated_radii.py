@@ -151,9 +151,13 @@ def work(tmp_path, seed, effects, steps=("calibrate", "diagnose"), config=CONFIG
     return found
 
 
-def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(tmp_path):
+@pytest.mark.parametrize(
+    "seeds", [range(400, 402), pytest.param(range(402, 408), marks=pytest.mark.slow)]
+)
+def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(
+    tmp_path, seeds
+):
     applied = told = secondary = 0
-    seeds = range(400, 404)
     for seed in seeds:
         worn = draw_wear(seed)
         ratio = {int(one.parameters["axle"]): 1 + one.parameters["error"] for one in worn}
@@ -166,8 +170,8 @@ def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothin
         secondary += len(alone["causes"])
         for one in LARGE:
             told += work(tmp_path, seed, (*worn, one)).fields["causes"] == [one.effect]
-    # Of 20 other drives each: 20 applied, 38 of 40 told, nothing else named. Three of eight fail
-    # by chance once in 150 runs of other seeds.
+    # Of 20 other drives each: 20 applied, 38 of 40 told, nothing else named. Three of four fail
+    # by chance once in 2000 runs of other seeds, three of twelve once in 50.
     assert applied >= len(seeds) - 1
     assert told >= 2 * len(seeds) - 2
     assert secondary <= 1
