@@ -11,7 +11,7 @@ from scipy import stats
 
 from adhesion_can.estimation.tracker.curve_sums import (
     Points,
-    bend_at,
+    curvature_at,
     slope_at,
     slope_by_adhesion,
 )
@@ -296,8 +296,11 @@ def test_slips_of_noise_alone_give_a_draw_as_well():
             h, z, zero + slip_std**2, zero, zero, np.zeros(n, dtype=np.int64), np.ones(n)
         )
         slope = slope_at(points, steep)
-        own_slope, bend = slope_by_adhesion(points, steep), bend_at(points, slope, steep)
-        sums = increment(points, slope, 0.003**2, SLIP_MAX, own_slope, bend)[CORRECTED]
+        weight_slope, curvature = (
+            slope_by_adhesion(points, steep),
+            curvature_at(points, slope, steep),
+        )
+        sums = increment(points, slope, 0.003**2, SLIP_MAX, weight_slope, curvature)[CORRECTED]
         curves = draw(sums, NoisePrior(0.003**2, 1.0), prior, SLIP_MAX, SIZE)
         assert np.isfinite(curves.theta).all()
         assert np.isfinite(curves.log_base).any()

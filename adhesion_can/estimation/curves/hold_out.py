@@ -206,10 +206,10 @@ class _HeldOut:
                 rest = CurvePoints.concatenate([c for j, c in enumerate(cells) if j != i])
                 values, noise_var = fit_values(rest, fit.family, [fit.values])
                 held = folds == number
-                own = points.select(held)
-                sums[0, held] += log_density(own, fit.family, values, noise_var)
-                sums[1, held] += mean_square_residual(own, fit.family, values)
-                sums[2, held] += effective_variance(own, fit.family, values, noise_var)
+                part = points.select(held)
+                sums[0, held] += log_density(part, fit.family, values, noise_var)
+                sums[1, held] += mean_square_residual(part, fit.family, values)
+                sums[2, held] += effective_variance(part, fit.family, values, noise_var)
         return cls(*(sums / len(plan.folds)))
 
     def rmse_by(self, best: "_HeldOut") -> float:

@@ -135,10 +135,10 @@ class FamilyComparison(Value):
             if weight < NEGLIGIBLE:
                 continue
             curve = fit.family.adhesion(grid, fit.values, conditions)
-            *top, bend = find_top(grid, curve).tolist()
+            *top, curvature = find_top(grid, curve).tolist()
             others = find_top(grid, fit.draw_curves(grid, conditions))[:2].T
             scatter = np.sqrt(np.mean((others - top) ** 2, axis=0))
-            error = self.misfit / MISFIT_WIDTH / bend
+            error = self.misfit / MISFIT_WIDTH / curvature
             tops.append(top)
             stds.append(np.hypot(scatter, np.multiply(top, (self.misfit, error))))
             weights.append(weight)
@@ -217,9 +217,9 @@ def _inflation(
     for block in blocks:
         at = np.searchsorted(place, block.place)
         inside = (at < len(place)) & (place[np.minimum(at, len(place) - 1)] == block.place)
-        rows, own = at[inside], block.sums[:, inside]
-        left = own[ADHESION] - own[COUNT] * predicted[rows]
-        left -= slope[rows] * (own[SLIP] - own[COUNT] * mean_slip[rows])
+        rows, sums = at[inside], block.sums[:, inside]
+        left = sums[ADHESION] - sums[COUNT] * predicted[rows]
+        left -= slope[rows] * (sums[SLIP] - sums[COUNT] * mean_slip[rows])
         score.append(float(of_sample[rows] @ left))
-        noise.append(float(of_sample[rows] @ own[COUNT]))
+        noise.append(float(of_sample[rows] @ sums[COUNT]))
     return batch_inflation(np.array(score), np.array(noise))

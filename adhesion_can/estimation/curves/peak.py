@@ -59,9 +59,9 @@ def nearest_burckhardt(
 
 
 def find_top(grid: Array, curves: Array) -> Array:
-    """Height and place of the largest value of curves, and the relative bend there; (3, ..).
+    """Height, place and relative curvature of the largest value of curves; shape (3, ..).
 
-    The bend is −d² ln μ/d(ln λ)²; the place is that of the parabola through three points.
+    The curvature is −d² ln μ/d(ln λ)²; the place is that of the parabola through three points.
 
     Args:
         grid: Slip ratios, even in ln λ, shape (n,).
@@ -75,7 +75,7 @@ def find_top(grid: Array, curves: Array) -> Array:
         np.take_along_axis(curves, (inner + k)[..., None], axis=-1)[..., 0] for k in (-1, 0, 1)
     )
     second = (2.0 * middle - left - right) / step**2
-    bend = np.maximum(second / middle, 1e-3)
+    curvature = np.maximum(second / middle, 1e-3)
     interior = (inner == top) & (second > 0.0)
     shift = 0.5 * (right - left) / step / np.where(interior, second, 1.0)
     heights = np.take_along_axis(curves, top[..., None], axis=-1)[..., 0]
@@ -83,6 +83,6 @@ def find_top(grid: Array, curves: Array) -> Array:
         [
             np.where(interior, middle + 0.5 * second * shift * shift, heights),
             np.where(interior, grid[inner] * np.exp(np.where(interior, shift, 0.0)), grid[top]),
-            bend,
+            curvature,
         ]
     )

@@ -5,7 +5,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.tracker.curve_sums import (
     Points,
-    bend_at,
+    curvature_at,
     residual_at,
     slope_at,
     slope_by_adhesion,
@@ -67,7 +67,7 @@ def common_shift(points: Points, theta: CurveParameters, noise_var: float) -> Po
     moved = points
     for _ in range(2):
         a = slope_at(moved, theta)
-        drift = 1.5 * a * bend_at(points, a, theta) * p * weight
+        drift = 1.5 * a * curvature_at(points, a, theta) * p * weight
         pull = shape @ (a * weight * residual_at(moved, theta) - drift) + error / var
         error = error - pull / ((shape * shape) @ (a * a * weight) + 1.0 / var)
         error = np.clip(error, -3.0 * np.sqrt(var), 3.0 * np.sqrt(var))

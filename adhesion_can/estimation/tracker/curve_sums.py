@@ -147,7 +147,7 @@ def slope_at(points: Points, theta: CurveParameters) -> Array:
     return np.asarray(c1 * c2 * np.exp(-c2 * points.slip) - c3)
 
 
-def bend_at(points: Points, slope: Array, theta: CurveParameters) -> Array:
+def curvature_at(points: Points, slope: Array, theta: CurveParameters) -> Array:
     """−d²μ/dλ² of a curve where it has the slopes; shape (n,).
 
     Limited where the private errors are as wide as the curve bends (c2² p large): there the

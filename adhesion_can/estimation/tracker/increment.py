@@ -39,8 +39,8 @@ def increment(
     slope: Array,
     noise_var: float,
     slip_max: float,
-    own_slope: Array | None = None,
-    bend: Array | None = None,
+    weight_slope: Array | None = None,
+    curvature: Array | None = None,
     reached: Array | None = None,
 ) -> Array:
     """Sums of samples with corrected scores, and with the slips as measured; shape (2, LENGTH).
@@ -53,10 +53,10 @@ def increment(
         slope: Slope dμ/dλ of the current curve at the samples, shape (n,).
         noise_var: Variance σ² of the adhesion noise; J/DOF of the sums estimates it.
         slip_max: Upper end of the histogram of slip.
-        own_slope: Slope for the weight of the private error, from another source than the slip
+        weight_slope: Slope for the weight of the private error, from another source than the slip
             with the error, shape (n,): a weight correlated with the error biases the curve. None:
             `slope`.
-        bend: Curvature −d²μ/dλ² of the current curve at the samples, shape (n,), for the
+        curvature: Curvature −d²μ/dλ² of the current curve at the samples, shape (n,), for the
             correlation of slope and private error; None: it is not corrected.
         reached: Slips that were surely reached, shape (n,); None: those of the points.
 
@@ -69,12 +69,12 @@ def increment(
     if points.exact:
         _add_up_exact(both, points)
         return both
-    own_slope = slope if own_slope is None else own_slope
-    private_scatter = own_slope * own_slope * points.private_var
+    weight_slope = slope if weight_slope is None else weight_slope
+    private_scatter = weight_slope * weight_slope * points.private_var
     weight = 1.0 / (1.0 + (private_scatter + points.transient_var) / noise_var)
-    moments = _moments(points, slope, weight, noise_var, bend)
+    moments = _moments(points, slope, weight, noise_var, curvature)
     _assemble(both, moments, points.private_var)
-    both[CORRECTED, DOF] -= sum_in_order(moments.own * private_scatter) / noise_var
+    both[CORRECTED, DOF] -= sum_in_order(moments.precision * private_scatter) / noise_var
     return both
 
 
@@ -91,26 +91,26 @@ class _Moments(NamedTuple):
     """Sums of the samples times (1, λ, μ, e^(−c2 λ) at each node), with several weights.
 
     Attributes:
-        own: Diagonal of the inverse covariance, σ² being 1, shape (n,).
+        precision: Diagonal of the inverse covariance, σ² being 1, shape (n,).
         kappa: What each of k common errors takes away from the square of its sums, shape (k,).
-        single: Sums with the weight, with its products with λ and μ, and with `own`, shape
+        single: Sums with the weight, with its products with λ and μ, and with `precision`, shape
             (4, 3 + NODES).
-        squares: Sums of e^(−2 c2 λ) with the weight and with `own`, shape (2, NODES).
+        squares: Sums of e^(−2 c2 λ) with the weight and with `precision`, shape (2, NODES).
         common: Sums with each common error, shape (k, 3 + NODES).
-        bent: Sums with what the bend of the curve adds to these, shape (k, 3 + NODES), or none.
+        curved: Sums with what the curvature adds to these, shape (k, 3 + NODES), or none.
 
     """
 
-    own: Array
+    precision: Array
     kappa: Array
     single: Array
     squares: Array
     common: Array
-    bent: Array
+    curved: Array
 
 
 def _moments(
-    points: Points, slope: Array, weight: Array, noise_var: float, bend: Array | None
+    points: Points, slope: Array, weight: Array, noise_var: float, curvature: Array | None
 ) -> _Moments:
     """Sums of samples; `weight` is that beside their own errors, 1 without any, shape (n,)."""
     slip, adhesion = points.slip, points.adhesion
@@ -119,10 +119,10 @@ def _moments(
     s2 = var / noise_var
     # The inverse of the covariance, by Sherman and Morrison.
     kappa = s2 / (1.0 + s2 * sum_in_order(in_group * error * slope))
-    own = weight - (kappa[:, None] * (in_group * in_group)).sum(axis=0)
-    rows = [weight, weight * slip, weight * adhesion, own, *in_group]
-    if bend is not None:
-        rows += [*(error * (points.private_var * bend * weight))]
+    precision = weight - (kappa[:, None] * (in_group * in_group)).sum(axis=0)
+    rows = [weight, weight * slip, weight * adhesion, precision, *in_group]
+    if curvature is not None:
+        rows += [*(error * (points.private_var * curvature * weight))]
     weights = np.array(rows)
     regressors = np.exp(np.minimum(slip[:, None] * _RATES, LARGEST_EXPONENT))
     regressors[:, 1], regressors[:, 2] = slip, adhesion
@@ -131,7 +131,7 @@ def _moments(
     decay = regressors[:, 3:]
     squares = (weights[:4:3, :, None] * (decay * decay)).sum(axis=1)
     end = 4 + len(kappa)
-    return _Moments(own, kappa, sums[:4], squares, sums[4:end], sums[end:])
+    return _Moments(precision, kappa, sums[:4], squares, sums[4:end], sums[end:])
 
 
 def _assemble(both: Array, moments: _Moments, private_var: Array) -> None:
@@ -143,8 +143,8 @@ def _assemble(both: Array, moments: _Moments, private_var: Array) -> None:
         private_var: Variance of the slips by the wheel speeds, shape (n,).
 
     """
-    _, kappa, single, (wee, ownee), common, bent = moments
-    (one, by_slip, by_adhesion, by_own), (we, whe, wze, owne) = single[:, :3], single[:, 3:]
+    _, kappa, single, (wee, ownee), common, curved = moments
+    (one, by_slip, by_adhesion, by_precision), (we, whe, wze, owne) = single[:, :3], single[:, 3:]
     # The samples' mean variance: one sensor, nearly one speed. That of the slips as measured is 0.
     private, corrected, shrink = np.zeros(2), np.zeros((2, NODES)), np.ones((2, NODES))
     private[CORRECTED] = p = float(sum_in_order(private_var)) / len(private_var)
@@ -157,9 +157,9 @@ def _assemble(both: Array, moments: _Moments, private_var: Array) -> None:
     # Of the common errors: f1, f2 and the adhesion, of shapes (2, k, NODES), (2, k) and (k,).
     f1 = common[:, :1] - shrink[:, None] * common[:, 3:]
     f2 = np.array([common[:, 1], common[:, 1]])
-    if len(bent):
-        f1[CORRECTED] += bent[:, 3:] * (shrink[CORRECTED] * C2_NODES)
-        f2[CORRECTED] += bent[:, 0]
+    if len(curved):
+        f1[CORRECTED] += curved[:, 3:] * (shrink[CORRECTED] * C2_NODES)
+        f2[CORRECTED] += curved[:, 0]
     z = common[:, 2]
     kf2, kz = kappa * f2, kappa * z
     f1_f1 = (kappa[:, None] * (f1 * f1)).sum(axis=1)
@@ -168,6 +168,6 @@ def _assemble(both: Array, moments: _Moments, private_var: Array) -> None:
     both[:, A] = one[0] - 2.0 * (shrink * we) + wee - f1_f1
     both[:, B] = whe - one[1] + (kf2[:, :, None] * f1).sum(axis=1)
     both[:, C] = one[2] - shrink * wze - (kz[:, None] * f1).sum(axis=1)
-    both[:, D] = by_slip[1] - sum_in_order(kf2 * f2) - private * by_own[0]
+    both[:, D] = by_slip[1] - sum_in_order(kf2 * f2) - private * by_precision[0]
     both[:, E] = sum_in_order(kz * f2) - by_slip[2]
     both[:, Z] = by_adhesion[2] - sum_in_order(kz * z)

@@ -26,7 +26,7 @@ from adhesion_can.estimation.identifiability import (
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker.common_errors import common_shift
 from adhesion_can.estimation.tracker.curve_sums import (
-    bend_at,
+    curvature_at,
     residual_at,
     slope_at,
     slope_by_adhesion,
@@ -171,22 +171,22 @@ class Tracker(Stateful):
         )
         self._sign = points.sign.item(-1)
         moved = points
-        own_slope = bend = None
+        weight_slope = curvature = None
         if current.c2**2 * points.private_var.max() > PRIVATE_ERROR_THRESHOLD:
             # From the measured adhesion, whatever the slip.
-            own_slope = slope_by_adhesion(points, current.theta)
+            weight_slope = slope_by_adhesion(points, current.theta)
         if current.c2**2 * points.common_var.max() > COMMON_ERROR_THRESHOLD:
             moved = common_shift(points, current.theta, noise_var)
             shift = points.slip - moved.slip
             residual, slope = residual_at(moved, current.theta), slope_at(moved, current.theta)
             # Points of a new surface must not be moved towards the current curve.
             moved = moved._replace(adhesion=points.adhesion - slope * shift)
-        if own_slope is not None:
-            bend = bend_at(moved, slope, current.theta)
+        if weight_slope is not None:
+            curvature = curvature_at(moved, slope, current.theta)
         # How far the slips reached comes from the sensors, not from the curve to be estimated.
         reached = points.surely_reached
         slip_max = self._limits.slip_max
-        added = increment(moved, slope, noise_var, slip_max, own_slope, bend, reached)
+        added = increment(moved, slope, noise_var, slip_max, weight_slope, curvature, reached)
         costs, cost = self._memories.predict(added)
         changed, restarted = self._look_for_change(Evidence(added, cost), samples)
         if not restarted:
