@@ -67,7 +67,7 @@ def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
         add_file(parser, "--html", "F", "write the report to one file", _require_page, group)
     where = " (a temporary file without --html)" if html else ""
     about = f"open the report in a browser{where}"
-    browser = Output("--open", lambda _, option: require_extra(option), is_file=False)
+    browser = Output("--open", _require_browser, is_file=False)
     browser.add(parser, group, action="store_true", help=about)
     for name in PICTURES:
         what = f"write the report's figures as {name.upper()}: F.{name}, F-2.{name}, .."
@@ -76,6 +76,10 @@ def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
 
 def _require_page(path: Path, _: str) -> None:
     require_extra(str(path))
+
+
+def _require_browser(_: Path, option: str) -> None:
+    require_extra(option)
 
 
 def _require_picture(path: Path, option: str) -> None:

@@ -194,7 +194,7 @@ def _nothing(diagnosis: Diagnosis) -> str:
     gain = diagnosis.gain
     if diagnosis.conclusive or gain is None:
         text = (
-            "Nothing diagnosis: as far as these data show, the residual of the plain curve is "
+            "Nothing found: as far as these data show, the residual of the plain curve is "
             "noise. An effect may still be too small to see, or not excited."
         )
     else:
