@@ -105,6 +105,32 @@ def test_factor_is_that_of_the_written_out_densities(seed, n, sd):
     assert ours.log_factors(sd**2, nu)[0] == pytest.approx(exact, abs=1e-5 + 1e-6 * abs(exact))
 
 
+@FIXED
+@given(st.integers(0, 2**32 - 1))
+def test_a_change_needs_the_slips_as_measured_and_the_corrected_ones(seed):
+    """Errors of the slips can imitate a new curve in either kind of sums, hardly in both."""
+    rng = np.random.default_rng(seed)
+    slips = rng.uniform(0.0, 0.2, (2, 12))
+    kinds = []
+    for h, theta in zip(slips, (DRY, GREASY), strict=True):
+        z = adhesion(h, *theta) + 0.01 * rng.standard_normal(12)
+        kinds.append((sums_of(h, z), float(((z - adhesion(h, *DRY)) ** 2).sum())))
+    (same, same_cost), (other, other_cost) = kinds
+
+    def factor(sums, costs):
+        ours = contenders()
+        ours.add(Evidence(np.stack(sums), np.array(costs)), 0)
+        return ours.log_factors(1e-4)[0]
+
+    none = factor([same, same], [same_cost, same_cost])
+    assert factor([other, other], [other_cost, other_cost]) > none + 3.0
+    for sums, costs in (
+        ([same, other], [same_cost, other_cost]),
+        ([other, same], [other_cost, same_cost]),
+    ):
+        assert factor(sums, costs) <= none + 1e-9
+
+
 def test_a_contender_has_the_samples_since_its_change():
     rng = np.random.default_rng(1)
     ours, added = contenders(), []

@@ -3,6 +3,7 @@
 import ast
 import math
 import pickle
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,6 +97,17 @@ class TestEach(EffectSuite):
 @pytest.mark.parametrize("effect", EFFECTS, ids=named)
 def test_an_effect_goes_to_other_processes(effect):
     assert pickle.loads(pickle.dumps(effect)) == effect  # noqa: S301  our own bytes
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=named)
+def test_a_copy_with_other_bounds_leaves_the_effect_as_it_is(effect):
+    """So a fit asks for a size that no vehicle has (`refute.without_bounds`)."""
+    size, *others = effect.parameters
+    free = (replace(size, lower=-np.inf, upper=np.inf), *others)
+    freed = copy(effect)
+    object.__setattr__(freed, "parameters", free)
+    assert effect_by_id(effect.id, effect.form).parameters == (size, *others)
+    assert pickle.loads(pickle.dumps(freed)).parameters == free  # noqa: S301  our own bytes
 
 
 def test_forms_of_a_mechanism_agree_on_what_they_require_and_how_they_show():

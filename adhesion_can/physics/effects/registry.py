@@ -9,6 +9,7 @@ the method of `ContactEffect` or `InstrumentEffect`, or its class.
 import copyreg
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -28,7 +29,7 @@ from adhesion_can.physics.effects.effort_gain import (
 )
 from adhesion_can.physics.effects.instrument_errors import INSTRUMENT_ERRORS
 from adhesion_can.physics.effects.load_transfer import LOAD_TRANSFER, LOAD_TRANSFER_HEIGHTS
-from adhesion_can.physics.effects.rows import ErrorEffect, FactorEffect
+from adhesion_can.physics.effects.rows import EffectRow, ErrorEffect, FactorEffect
 from adhesion_can.physics.effects.speed_error import (
     CURVATURE_SPEED_ERROR,
     LOW_PASS_SPEED_ERROR,
@@ -116,11 +117,18 @@ def _positions() -> dict[tuple[str, str], int]:
     return {(effect.id, effect.form): place for place, effect in enumerate(known_effects())}
 
 
-def _reduce(effect: Effect) -> tuple[Callable[..., Any], tuple[str, str]]:
-    return effect_by_id, (effect.id, effect.form)
+def _reduce(effect: EffectRow) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    return _restore, (effect.id, effect.form, effect.parameters)
 
 
-# Pickling stores no formula that has no name: the id and the form stand for the effect.
+def _restore(effect_id: str, form: str, parameters: tuple[Parameter, ...]) -> Effect:
+    effect = effect_by_id(effect_id, form)
+    if isinstance(effect, EffectRow) and effect.parameters != parameters:
+        return replace(effect, parameters=parameters)
+    return effect
+
+
+# Pickling stores no formula that has no name: the id and the form stand for it.
 copyreg.pickle(FactorEffect, _reduce)
 copyreg.pickle(ErrorEffect, _reduce)
 

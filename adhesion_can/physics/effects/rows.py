@@ -5,7 +5,8 @@ instruments, and `LawEffect` has the class of a law of the instruments.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.effects.base import Change, Contact, Observability, Requirements
@@ -38,6 +39,10 @@ class EffectRow(Value):
     literature: str
     requires: Requirements = Requirements()
     observability: Observability
+
+    def __copy__(self) -> Self:
+        # Not by way of pickling, which gives the row of the table itself.
+        return replace(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
