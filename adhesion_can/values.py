@@ -27,8 +27,8 @@ _CONTAINERS = frozenset({list, dict, deque})
 class Stateful:
     """An object whose deep copy is made attribute by attribute.
 
-    The same as `copy.deepcopy` makes, at a sixth of its cost, which is that of taking an object to
-    pieces in general.
+    The same as `copy.deepcopy` makes, at a fraction of its cost, which is that of taking an object
+    to pieces in general.
     """
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:

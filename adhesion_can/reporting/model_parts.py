@@ -1,4 +1,4 @@
-"""list[Part] of a page that describe an extended model."""
+"""Parts of a page that describe an extended model."""
 
 from collections.abc import Collection
 

@@ -53,7 +53,7 @@ class Values(Enum):
 
 
 class StatusConditions(NamedTuple):
-    """StatusConditions that decide on the status, at one due time.
+    """Conditions that decide on the status, at one due time.
 
     Attributes:
         fault: Whether the estimator failed, or another service sent the same messages, less than

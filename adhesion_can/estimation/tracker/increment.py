@@ -143,8 +143,9 @@ def _assemble(both: Array, moments: _Moments, private_var: Array) -> None:
         private_var: Variance of the slips by the wheel speeds, shape (n,).
 
     """
-    _, kappa, single, (wee, ownee), common, curved = moments
-    (one, by_slip, by_adhesion, by_precision), (we, whe, wze, owne) = single[:, :3], single[:, 3:]
+    # By their factors: w weight, q precision, h slip, z adhesion, e = e^(−c2 λ).
+    _, kappa, single, (wee, qee), common, curved = moments
+    (weight, by_slip, by_adhesion, by_precision), (we, whe, wze, qe) = single[:, :3], single[:, 3:]
     # The samples' mean variance: one sensor, nearly one speed. That of the slips as measured is 0.
     private, corrected, shrink = np.zeros(2), np.zeros((2, NODES)), np.ones((2, NODES))
     private[CORRECTED] = p = float(sum_in_order(private_var)) / len(private_var)
@@ -163,11 +164,11 @@ def _assemble(both: Array, moments: _Moments, private_var: Array) -> None:
     z = common[:, 2]
     kf2, kz = kappa * f2, kappa * z
     f1_f1 = (kappa[:, None] * (f1 * f1)).sum(axis=1)
-    wee = square * wee + (square * (square - 1.0)) * ownee
-    whe = shrink * whe + (corrected * C2_NODES * shrink) * owne
-    both[:, A] = one[0] - 2.0 * (shrink * we) + wee - f1_f1
-    both[:, B] = whe - one[1] + (kf2[:, :, None] * f1).sum(axis=1)
-    both[:, C] = one[2] - shrink * wze - (kz[:, None] * f1).sum(axis=1)
+    wee = square * wee + (square * (square - 1.0)) * qee
+    whe = shrink * whe + (corrected * C2_NODES * shrink) * qe
+    both[:, A] = weight[0] - 2.0 * (shrink * we) + wee - f1_f1
+    both[:, B] = whe - weight[1] + (kf2[:, :, None] * f1).sum(axis=1)
+    both[:, C] = weight[2] - shrink * wze - (kz[:, None] * f1).sum(axis=1)
     both[:, D] = by_slip[1] - sum_in_order(kf2 * f2) - private * by_precision[0]
     both[:, E] = sum_in_order(kz * f2) - by_slip[2]
     both[:, Z] = by_adhesion[2] - sum_in_order(kz * z)
