@@ -131,6 +131,7 @@ def biased(tmp_path_factory):
     return looped(tmp_path_factory.mktemp("loop"), "effort_bias=6000", 80, "--to", 36)
 
 
+@pytest.mark.slow
 def test_the_model_of_a_diagnosis_brings_mu_max_to_the_truth(biased):
     assert [cause["effect"] for cause in biased.diagnosis["causes"]] == ["effort_bias"]
     (all_plain, tracking_plain), (all_model, tracking_model) = (

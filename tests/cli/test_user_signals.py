@@ -48,6 +48,7 @@ def test_the_signal_is_named_with_its_label_and_unit(bench, capsys):
     assert "adhesion changes with oil film" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 def test_the_model_works_online(bench, capsys):
     folder, log, config = bench
     model = folder / "m.toml"

@@ -94,6 +94,7 @@ class LateWheels(SyntheticDrive):
         return found
 
 
+@pytest.mark.slow
 def test_late_wheel_speeds_of_a_recording_are_no_inertia():
     """Two of three drives at least: the wheel speeds, and no effect of the vehicle."""
     right = 0
@@ -144,6 +145,7 @@ def lag_of(path):
     return cause.effect, cause.parameters[0].value, set(cause.rivals)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [{"by": 0.1}, {"length": 1.0}])
 def test_at_one_speed_a_delay_and_a_relaxation_are_rivals(tmp_path, lag):
     for seed in range(2):

@@ -119,6 +119,7 @@ def test_what_is_not_in_the_library_is_not_named(seed, kind, tmp_path):
         assert answer.document["channel"] == truth.channel
 
 
+@pytest.mark.slow
 def test_no_effect_is_named_that_the_last_fit_leaves_without_a_size(tmp_path):
     """Said 'speed_dependence -0.033 ± 0.033' beside a friction that falls with the slip speed."""
     path = tmp_path / "w.log"

@@ -40,6 +40,7 @@ def test_of_two_drives_one_is_held_out_and_its_name_is_given(world):
     assert sum(one.get("held_out", False) for one in found["inputs"]) == 1
 
 
+@pytest.mark.slow
 def test_a_held_out_drive_keeps_its_surfaces_as_evaluate_has_them(tmp_path):
     """The drive that decides has one surface; without changes it is explained as well."""
     simulated = {"a": ("sweep", "60"), "b": ("dry-wet-dry", "60")}

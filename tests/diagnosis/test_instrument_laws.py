@@ -60,6 +60,7 @@ def test_a_law_is_named_alone_with_its_size(effect, wanted, seed, tmp_path):
     check(answer_of(tmp_path, effect, seed), effect, wanted)
 
 
+@pytest.mark.slow
 def test_loads_that_move_unseen_are_named(tmp_path):
     effect, wanted = KINDS[0]
     check(answer_of(tmp_path, effect, 3, duration_s=120), effect, wanted)

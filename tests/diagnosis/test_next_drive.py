@@ -257,6 +257,7 @@ def test_limits_hold_in_the_plan():
     assert max(max(step.slip) for step in plan.steps) <= 0.05
 
 
+@pytest.mark.slow
 def test_a_pair_that_no_drive_parts_does_not_keep_the_others_together():
     nearly_plain = explanation("slow_drift", -1e-7)
     found = plan_drive((BIAS, nearly_plain, explanation()), SETTING, PlanLimits(duration_max=30.0))
@@ -268,6 +269,7 @@ def test_a_pair_that_no_drive_parts_does_not_keep_the_others_together():
     assert all(one > 0.95 for one in power.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("window_s", "quick"), [(3.0, False), (1.0, True)])
 def test_no_sweep_is_quicker_than_what_smooths_a_late_speed(window_s, quick, monkeypatch):
     asked = {}
@@ -342,6 +344,7 @@ def rivalled(tmp_path_factory):
     return simulate("sweep", 120.0, 3, effects=["load_dependence"]).write(path)
 
 
+@pytest.mark.slow
 def test_a_rival_that_is_named_is_planned_with(rivalled):
     found = diagnose(rivalled, next_drive=True)
     (cause,) = found.causes

@@ -35,6 +35,7 @@ def two(tmp_path_factory):
     return before, diagnose([first, second])
 
 
+@pytest.mark.slow
 def test_what_a_further_drive_refutes_is_refuted_in_the_evidence_too(two):
     before, after = two
     assert before.causes[0].rivals == (RIVAL,)

@@ -15,6 +15,7 @@ def verdict(tmp_path, inertia_error):
     return diagnose(drive.write(tmp_path / "drive.log"))
 
 
+@pytest.mark.slow
 def test_an_inertia_beyond_any_vehicles_is_told_and_not_named(tmp_path):
     found = verdict(tmp_path, 4600.0)
     assert found.verdict.value == "unexplained"
@@ -26,6 +27,7 @@ def test_an_inertia_beyond_any_vehicles_is_told_and_not_named(tmp_path):
     assert closest.gain_percent > 10.0
 
 
+@pytest.mark.slow
 def test_an_inertia_that_a_locomotive_may_have_is_named(tmp_path):
     (cause,) = verdict(tmp_path, 2000.0).causes
     assert cause.effect == "wheelset_inertia"

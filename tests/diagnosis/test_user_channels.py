@@ -53,6 +53,7 @@ def test_a_column_that_matters_is_named_with_its_size(tmp_path, seed):
     assert slope["std"] < 0.01
 
 
+@pytest.mark.slow
 def test_columns_that_do_not_matter_are_seldom_named(tmp_path):
     """Twelve nulls with three columns each: a name in one at most (5 % are allowed)."""
     named = 0

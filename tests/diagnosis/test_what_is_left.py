@@ -74,6 +74,7 @@ def test_a_cause_that_gains_too_little_elsewhere_has_no_name(worn, monkeypatch):
     assert "too small to be named" in why
 
 
+@pytest.mark.slow
 def test_a_shape_has_no_name_beside_more_than_noise(tmp_path, monkeypatch):
     """Where it is noise the shape is named: tests/cli/test_contact_chain.py."""
     log = simulate("polach-wet", 60.0, 1).write(tmp_path / "a.log")

@@ -703,6 +703,7 @@ def changes_declared(scenario, seconds, seed, noise=1.0, estimator=Tracker):
     return sum(now and not before for before, now in pairwise(changed))
 
 
+@pytest.mark.slow
 def test_a_slow_train_on_one_rail_changes_no_surface():
     """Three drives of 25 s at 3.6 m/s, coasting between traction and braking: one change at most.
 
@@ -712,6 +713,7 @@ def test_a_slow_train_on_one_rail_changes_no_surface():
     assert sum(changes_declared(scenario, 25.0, seed) for seed in (1, 2, 3)) <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.2, 0.35, 3.0])
 def test_noise_that_is_not_the_configured_one_is_no_change_at_the_start(noise):
     """Six starts of 3 s each; a change was declared in five with a fifth of the noise."""

@@ -177,6 +177,7 @@ def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothin
     assert secondary <= 1
 
 
+@pytest.mark.slow
 def test_steps_with_applied_radii_are_those_with_the_radii_configured(tmp_path):
     """The oracle is a vehicle whose true radii stand in its configuration."""
     worn = (Hidden("wheel_radius", "", {"error": -0.02, "axle": 3}),)

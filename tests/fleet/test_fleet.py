@@ -131,6 +131,7 @@ def test_a_worker_that_is_killed_in_the_middle_changes_nothing(client, drives, t
     assert all(row["status"] == "done" for row in units(killed).values())
 
 
+@pytest.mark.slow
 def test_a_unit_that_kills_its_workers_is_a_failed_row_and_others_are_done(
     client, drives, tmp_path
 ):

@@ -20,7 +20,7 @@ def test_seeds_are_sound(kind):
 
 @pytest.fixture(scope="module")
 def small_heap():
-    """Only what an example leaves is walked by its collection, and nothing that was there before."""
+    """A heap in which the collector walks over what an example leaves, and nothing else."""
     gc.freeze()
     yield
     gc.unfreeze()

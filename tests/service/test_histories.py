@@ -61,6 +61,7 @@ def test_the_checker_sees_tracking_while_blind():
     assert "blind" in rules(flawed(record, change), faults, 8 * S)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_faults_together(seed):
     assert judge(seed, 20 * S, draw(seed, 20 * S, per_minute=12.0), estimator_of(seed)) == []

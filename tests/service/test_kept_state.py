@@ -280,6 +280,7 @@ for n in itertools.count():
 """
 
 
+@pytest.mark.slow
 def test_whoever_kills_the_process_finds_a_whole_file(tmp_path):
     path = tmp_path / "state.json"
     for number in range(0, 8, 2):

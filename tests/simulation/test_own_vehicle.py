@@ -121,6 +121,7 @@ def test_the_second_vehicle_is_for_light_trains_alone(tmp_path):
     assert heavy.truth["notes"] == []
 
 
+@pytest.mark.slow
 def test_a_light_train_cannot_sweep_and_a_coupled_one_never_stands(tmp_path):
     says = r"train of 37\.5 t is too light for 'sweep'.*write train_mass_kg = 380000 in a copy"
     with pytest.raises(InputError, match=says):
