@@ -29,16 +29,10 @@ from adhesion_can.fleet.dataset import put
 from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.units import read_manifest
 from adhesion_can.input_files import read_small_file
-from adhesion_can.reporting.export import (
-    Field,
-    FieldColumn,
-    Group,
-    GroupRows,
-    file_target,
-    open_recording,
-    parse_target,
-)
+from adhesion_can.reporting.export import open_recording
+from adhesion_can.reporting.export.layout import Field, FieldColumn, Group, GroupRows
 from adhesion_can.reporting.export.messages import MessageRows
+from adhesion_can.reporting.export.target import file_target, parse_target
 from adhesion_can.reporting.page import write_page
 from adhesion_can.reporting.pictures import write_pictures
 from adhesion_can.service.frame_log import FrameLog

@@ -15,7 +15,8 @@ from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.export import Field, FieldColumn, TableWriter, open_table
+from adhesion_can.reporting.export import WriteRows, open_table
+from adhesion_can.reporting.export.layout import Field, FieldColumn
 from adhesion_can.service.output_messages import AXLE_FRAMES
 from adhesion_can.service.outputs import Outputs, Setpoint
 
@@ -166,8 +167,8 @@ def setpoint_row(outputs: Outputs) -> list[float]:
 class _RowBuffer:
     """Buffer of rows, written many at once."""
 
-    def __init__(self, writer: TableWriter) -> None:
-        self._writer = writer
+    def __init__(self, write: WriteRows) -> None:
+        self._write = write
         self._t_us: list[int] = []
         self._values: list[list[float]] = []
 
@@ -182,7 +183,7 @@ class _RowBuffer:
             return
         numbers = np.array(self._values).T
         columns = [column.written(n) for column, n in zip(COLUMNS, numbers, strict=True)]
-        self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
+        self._write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
         self._t_us, self._values = [], []
 
 
@@ -202,7 +203,7 @@ def setpoint_table(
     """
     with open_table(
         path, [column.field for column in COLUMNS], origin, name="AdhesionSetpoint"
-    ) as writer:
-        rows = _RowBuffer(writer)
+    ) as write:
+        rows = _RowBuffer(write)
         yield rows.add
         rows.flush()
