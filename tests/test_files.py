@@ -367,10 +367,11 @@ def test_files_of_a_folder_are_written_under_names_of_ours(command):
 # --- pipes
 
 
-def test_a_pipe_that_nobody_reads_is_told(tmp_path):
+def test_a_pipe_that_nobody_reads_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("adhesion_can.files.READER_WAIT_S", 0.1)
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="is a pipe without a reader; start its reader first"):
-        OutputFile(tmp_path / "pipe", reader_wait_s=0.1)
+        OutputFile(tmp_path / "pipe")
 
 
 def test_a_service_does_not_wait_for_the_reader_of_its_log(tmp_path, monkeypatch):
