@@ -41,13 +41,7 @@ class Writer:
         self._sink.begin(t_ns)
 
     def write(self, rows: Sequence[GroupRows], frames: Frames | None = None) -> None:
-        """Append rows; `GroupRows.position` is their order.
-
-        Args:
-            rows: Rows of some groups.
-            frames: Frames behind the rows, for a format that keeps them.
-
-        """
+        """Append rows, as `Sink.write` defines it."""
         with _input_errors(self._path):
             self._sink.write(rows, frames)
 
