@@ -13,7 +13,6 @@ from adhesion_can.bus.units import UNITS, find_factor, known_units
 from adhesion_can.errors import TableError
 from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.tables.headings import find_column, name_columns
-from adhesion_can.recordings.tables.text import unreadable
 from adhesion_can.recordings.tables.times import TIME_LIMIT_S
 
 
@@ -45,7 +44,7 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file, strict=True))
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except (csv.Error, UnicodeDecodeError) as error:
         raise TableError(str(path), f"not CSV ({error})", "check the file") from error
     named = name_columns(rows[0] if rows else [])

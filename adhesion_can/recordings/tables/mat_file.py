@@ -10,7 +10,6 @@ import numpy as np
 from adhesion_can.errors import TableError
 from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.tables.columns import Column, Columns
-from adhesion_can.recordings.tables.text import unreadable
 
 MOST_DEPTH = 4
 """Structures within structures that are searched."""
@@ -29,7 +28,7 @@ def read_mat(path: Path) -> Columns:
         limits = Limits.of_file(path.stat().st_size)
         (columns,) = read_limited(partial(_columns, path), limits)
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except LimitError as error:
         fix = "save it again in MATLAB, or write it as .csv or .parquet"
         raise TableError(str(path), str(error), fix) from error
@@ -46,7 +45,7 @@ def _columns(path: Path) -> Iterator[Columns]:
         what = "a MATLAB file of version 7.3"
         raise TableError(str(path), what, "save it in MATLAB with save(.., '-v7')") from error
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except (MatReadError, ValueError, TypeError, KeyError, IndexError) as error:
         reason = " ".join(str(error).split())[:150]
         what = f"not readable as a MATLAB file ({reason})"

@@ -13,7 +13,6 @@ from adhesion_can.extras import install_extra
 from adhesion_can.recordings.limited import LimitError, Limits, read_limited
 from adhesion_can.recordings.mf4 import open_mf4
 from adhesion_can.recordings.tables.columns import Column, Columns
-from adhesion_can.recordings.tables.text import unreadable
 
 FIX = "write it again with the tool that made it, or export it as .csv or .parquet"
 
@@ -58,7 +57,7 @@ def _limits(path: Path) -> Limits:
     try:
         return Limits.of_file(path.stat().st_size)
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
 
 
 def _held(path: Path, name: str) -> Iterator[bool]:
@@ -119,7 +118,7 @@ def _opened(path: Path) -> Iterator[Any]:
         fix = install_extra("mf4")
         raise TableError(str(path), "MF4 needs asammdf", fix) from error
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except Exception as error:  # asammdf raises whatever its parsers meet
         reason = " ".join(str(error).split())[:150]
         raise TableError(str(path), f"not readable as MF4 ({reason})", "check the file") from error

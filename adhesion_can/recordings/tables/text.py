@@ -36,7 +36,7 @@ def read_text(path: Path) -> str:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise _damaged(path, error) from error
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise _unreadable(path, error) from error
     if len(content) > most:
         raise TableError(
             str(path),
@@ -61,7 +61,7 @@ def read_head(path: Path) -> str:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise _damaged(path, error) from error
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise _unreadable(path, error) from error
     text = decode(content)
     return text[: text.rfind("\n") + 1] if len(content) == HEAD and "\n" in text else text
 
@@ -83,6 +83,5 @@ def _damaged(path: Path, error: Exception) -> TableError:
     return TableError(str(path), f"the gzip file is damaged ({error})", "compress it again")
 
 
-def unreadable(path: Path, error: OSError) -> TableError:
-    """Error of a file that the operating system does not give."""
+def _unreadable(path: Path, error: OSError) -> TableError:
     return TableError(str(path), error.strerror or "cannot be read", "check the path")
