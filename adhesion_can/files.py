@@ -117,7 +117,6 @@ class OutputFile:
         durable: Whether the name is on the disk when `finish` returns, not only the content.
         own_name: Whether the name is ours, in a folder that the user named: a link of this name is
             somebody else's, and replaced.
-        reader_wait_s: Time for which the reader of a pipe is waited for, s.
 
     Raises:
         InputError: The folder does not exist or cannot be written to, or nobody reads the pipe.
@@ -132,7 +131,6 @@ class OutputFile:
         keep_part: bool = False,
         durable: bool = False,
         own_name: bool = False,
-        reader_wait_s: float = READER_WAIT_S,
     ) -> None:
         self._path = path
         self._keep_part = keep_part
@@ -148,7 +146,7 @@ class OutputFile:
                 self._temporary = Temporary(self._target)
                 self.file: BinaryIO = self._temporary.file
             else:
-                self._stream = self.file = os.fdopen(open_stream(path, reader_wait_s), "wb")
+                self._stream = self.file = os.fdopen(open_stream(path, READER_WAIT_S), "wb")
                 if random_access:
                     self._target = Path(gettempdir()) / path.name
                     self._temporary = Temporary(self._target)
@@ -207,7 +205,6 @@ def whole_file(
     keep_part: bool = False,
     durable: bool = False,
     own_name: bool = False,
-    reader_wait_s: float = READER_WAIT_S,
 ) -> Iterator[Any]:
     """Write a file from its start to its end; it gets its name when all is written.
 
@@ -217,7 +214,6 @@ def whole_file(
         keep_part: As for `OutputFile`.
         durable: As for `OutputFile`.
         own_name: As for `OutputFile`.
-        reader_wait_s: As for `OutputFile`.
 
     Raises:
         InputError: The folder does not exist or cannot be written to, the disk is full, or nobody
@@ -229,7 +225,6 @@ def whole_file(
         keep_part=keep_part,
         durable=durable,
         own_name=own_name,
-        reader_wait_s=reader_wait_s,
     )
     try:
         with ExitStack() as stack:

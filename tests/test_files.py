@@ -29,16 +29,10 @@ from adhesion_can.fleet.dataset import put
 from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.units import read_manifest
 from adhesion_can.input_files import read_small_file
-from adhesion_can.reporting.export import (
-    Field,
-    FieldColumn,
-    Group,
-    GroupRows,
-    file_target,
-    open_recording,
-    parse_target,
-)
+from adhesion_can.reporting.export import open_recording
+from adhesion_can.reporting.export.layout import Field, FieldColumn, Group, GroupRows
 from adhesion_can.reporting.export.messages import MessageRows
+from adhesion_can.reporting.export.target import file_target, parse_target
 from adhesion_can.reporting.page import write_page
 from adhesion_can.reporting.pictures import write_pictures
 from adhesion_can.service.frame_log import FrameLog
@@ -373,10 +367,11 @@ def test_files_of_a_folder_are_written_under_names_of_ours(command):
 # --- pipes
 
 
-def test_a_pipe_that_nobody_reads_is_told(tmp_path):
+def test_a_pipe_that_nobody_reads_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("adhesion_can.files.READER_WAIT_S", 0.1)
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="is a pipe without a reader; start its reader first"):
-        OutputFile(tmp_path / "pipe", reader_wait_s=0.1)
+        OutputFile(tmp_path / "pipe")
 
 
 def test_a_service_does_not_wait_for_the_reader_of_its_log(tmp_path, monkeypatch):

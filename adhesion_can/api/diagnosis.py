@@ -323,12 +323,7 @@ def diagnose_inputs(
         [read for read in loaded if read.input_file.held_out is held] for held in (False, True)
     ]
     for part in parts:
-        if part and not any(len(read.drive) for read in part):
-            raise InputError(
-                ", ".join(str(read.input_file.path) for read in part),
-                f"no usable row: {explain_empty(part[0])}",
-                "give a drive in which the vehicle moves and its axles pull or brake",
-            )
+        require_rows(part)
     drives, holdout = ([read.drive for read in part] for part in parts)
     settings = DiagnosisSettings(formulas=formulas, effect_grams=effect_grams, limits=limits)
     asked = None if witness is None else partial(ask_service, loaded, witness)
@@ -362,6 +357,16 @@ def ask_service(
     path = longest.input_file.path
     shares = compute_doubt_shares(path, configuration, diagnosis.model, start, changes_us)
     return None if shares is None else Witness(name, shares.before, shares.after)
+
+
+def require_rows(loaded: Sequence[LoadedInput]) -> None:
+    """Raise an InputError where there are inputs, and none of them has a usable row."""
+    if loaded and not any(len(read.drive) for read in loaded):
+        raise InputError(
+            ", ".join(str(read.input_file.path) for read in loaded),
+            f"no usable row: {explain_empty(loaded[0])}",
+            "give a drive in which the vehicle moves and its axles pull or brake",
+        )
 
 
 def explain_empty(read: LoadedInput) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
-from adhesion_can.api.diagnosis import LoadedInput, explain_empty, list_input_files, load_inputs
+from adhesion_can.api.diagnosis import LoadedInput, list_input_files, load_inputs, require_rows
 from adhesion_can.api.inputs import RecordingLike, as_paths
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.diagnosis.evaluate import Evaluation
@@ -44,10 +44,5 @@ def evaluate_inputs(loaded: Sequence[LoadedInput], config: Configuration) -> Eva
     """
     if config.model is None:
         raise InputError("model", "no model is given", "give a model or the path of its file")
-    drives = [one.drive for one in loaded]
-    if not any(map(len, drives)):
-        names = ", ".join(str(one.input_file.path) for one in loaded)
-        reason = explain_empty(loaded[0])
-        fix = "give a drive in which the vehicle moves and its axles pull or brake"
-        raise InputError(names, f"no usable row: {reason}", fix)
-    return _evaluate(drives, config.model)
+    require_rows(loaded)
+    return _evaluate([one.drive for one in loaded], config.model)

@@ -73,10 +73,14 @@ class GuessedRoles:
     shared: tuple[RoleGuess, ...] = ()
 
     @property
-    def places(self) -> set[str]:
-        """Signals that are taken, rivals or shared, as `Message.Signal`."""
-        rivals = (rival for alike in self.rivals.values() for rival in alike)
-        return {guess.place for guess in (*self.taken, *rivals, *self.shared)}
+    def unclear(self) -> tuple[RoleGuess, ...]:
+        """All rivals."""
+        return tuple(rival for alike in self.rivals.values() for rival in alike)
+
+    @property
+    def all(self) -> tuple[RoleGuess, ...]:
+        """Guesses that are taken, rivals or shared."""
+        return (*self.taken, *self.unclear, *self.shared)
 
     def shared_of(self, role: Role) -> tuple[RoleGuess, ...]:
         """Shared signals of a role, by the number of the motor or bogie."""
@@ -90,10 +94,9 @@ class GuessedRoles:
             role: Role whose own use does not count.
 
         """
-        rivals = (rival for alike in self.rivals.values() for rival in alike)
         rows = [
             *((one, f"taken for {one.name}") for one in self.taken),
-            *((one, f"open for {one.name}") for one in rivals),
+            *((one, f"open for {one.name}") for one in self.unclear),
             *((one, f"open for {one.role}") for one in self.shared),
         ]
         uses = [use for one, use in rows if one.place == place and one.role is not role]

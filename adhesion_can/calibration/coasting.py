@@ -231,11 +231,7 @@ def join_coasting(parts: Sequence[CoastingRows]) -> CoastingRows:
         return np.concatenate([getattr(part, name)[own] for part, own in pairs])
 
     return CoastingRows(
-        speed=column("speed"),
-        rolling=column("rolling"),
-        acceleration=column("acceleration"),
-        used=column("used"),
-        span=column("span"),
+        **{name: column(name) for name in ("speed", "rolling", "acceleration", "used", "span")},
         block=np.concatenate(blocks),
         times=CoastingTimes.total([part.times for part in parts]),
     )

@@ -205,8 +205,8 @@ def calibrate(
     blocks = [len(np.unique(rows.block[column])) for column in rows.used.T]
     enough = (coasting_s >= settings.coasting_min_s) & (np.array(blocks) >= settings.blocks_min)
     effort_known = any(drive.effort for drive in drives)
-    fit, stds = (
-        _fit_identifiable(rows, enough, settings) if enough.any() else (None, _Identifiability())
+    fit, offset_std, delay_std = (
+        _fit_identifiable(rows, enough, settings) if enough.any() else (None, inf, inf)
     )
     place = np.cumsum(enough) - 1
     moving = rows.used.any(axis=1)
@@ -227,8 +227,8 @@ def calibrate(
         delay_used_s=float(fit.values[fit.delay])
         if fit and fit.delay is not None
         else settings.delay_s or 0.0,
-        offset_std=stds.offset_std,
-        delay_std=stds.delay_std,
+        offset_std=offset_std,
+        delay_std=delay_std,
         noise_std=fit.scale if fit else inf,
         outliers=fit.outliers if fit else 0.0,
         effort_known=effort_known,
@@ -238,20 +238,6 @@ def calibrate(
         systematic_percent=100 * settings.adhesion_max / SOFTEST_CONTACT if effort_known else None,
         times=rows.times,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Identifiability:
-    """Identifiability of offset and delay when both are fitted.
-
-    Attributes:
-        offset_std: Standard error of the offset, m/s; inf: unbounded.
-        delay_std: Standard error of the delay, s; inf: unbounded.
-
-    """
-
-    offset_std: float = inf
-    delay_std: float = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,6 +263,9 @@ class _Fit:
     scale: float
     outliers: float
 
+    def std(self, i: int | None) -> float:
+        return inf if i is None else float(self.stds[i])
+
     def quantity(self, i: int) -> CalibratedQuantity:
         value, std = float(self.values[i]), float(self.stds[i])
         reach = float(scipy.special.stdtrit(self.freedom[i], 0.975)) * std
@@ -285,24 +274,27 @@ class _Fit:
 
 def _fit_identifiable(
     rows: CoastingRows, enough: NDArray[np.bool_], settings: CalibrationSettings
-) -> tuple[_Fit | None, _Identifiability]:
+) -> tuple[_Fit | None, float, float]:
     """Fit with offset and delay, repeated without those that are not identifiable.
 
     Where acceleration is proportional to speed the two are collinear, and neither is.
+
+    Returns:
+        Fit, and the standard errors of offset, m/s, and delay, s, when both are fitted; inf:
+        unbounded.
+
     """
     unknown = settings.delay_s is None
     full = _fit(rows, enough, settings, offset=True, delay=unknown)
     if full is None:  # nothing accelerates
         full = _fit(rows, enough, settings, offset=True, delay=False)
-    limits = _Identifiability()
-    if full is not None and full.offset is not None:
-        delay_std = inf if full.delay is None else float(full.stds[full.delay])
-        limits = _Identifiability(float(full.stds[full.offset]), delay_std)
-    offset = limits.offset_std <= settings.offset_std_max
-    delay = unknown and limits.delay_std <= settings.delay_std_max
-    if full is not None and offset and delay is (full.delay is not None):
-        return full, limits
-    return _fit(rows, enough, settings, offset=offset, delay=delay), limits
+    offset_std = full.std(full.offset) if full else inf
+    delay_std = full.std(full.delay) if full else inf
+    offset = offset_std <= settings.offset_std_max
+    delay = unknown and delay_std <= settings.delay_std_max
+    if full is None or not offset or delay is not (full.delay is not None):
+        full = _fit(rows, enough, settings, offset=offset, delay=delay)
+    return full, offset_std, delay_std
 
 
 def _fit(

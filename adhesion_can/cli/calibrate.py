@@ -40,7 +40,7 @@ from adhesion_can.reporting.calibration import (
     radius_rows,
     speed_lines,
 )
-from adhesion_can.reporting.calibration_page import CoastingPlots, page
+from adhesion_can.reporting.calibration_page import page, plot_drives
 from adhesion_can.reporting.next_steps.after_recording import after_calibration
 from adhesion_can.reporting.page import Page
 from adhesion_can.reporting.provenance import provenance
@@ -131,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
 
     def build_page(said: dict[str, str]) -> Page:
         names = [recording.path.name for recording in recordings]
-        plots = CoastingPlots.build(drives, names, config.vehicle, settings, result)
+        plots = plot_drives(drives, names, config.vehicle, settings, result)
         return page(result, plots, rim, about, said)
 
     title = "Wheel radii, ± standard error"

@@ -20,7 +20,8 @@ from adhesion_can.recordings.problems import (
     no_frame_error,
 )
 from adhesion_can.recordings.recording import Recording
-from adhesion_can.reporting.export import GroupRows, Writer
+from adhesion_can.reporting.export import Writer
+from adhesion_can.reporting.export.layout import GroupRows
 from adhesion_can.reporting.export.messages import MessageRows, id_text
 
 _SHOWN = 10

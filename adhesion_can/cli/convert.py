@@ -21,19 +21,18 @@ from adhesion_can.errors import InputError
 from adhesion_can.recordings.drive_time import USUAL_RESTART_S, DriveTime
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import open_recordings
-from adhesion_can.reporting.export import (
+from adhesion_can.reporting.export import open_recording, open_table
+from adhesion_can.reporting.export.message_folder import LIST
+from adhesion_can.reporting.export.messages import id_text
+from adhesion_can.reporting.export.raster import Raster, parse_raster
+from adhesion_can.reporting.export.target import (
     FOLDER_FORMATS,
     SUFFIXES,
     TABLE_SUFFIXES,
     Target,
     file_target,
-    open_recording,
-    open_table,
     parse_target,
 )
-from adhesion_can.reporting.export.message_folder import LIST
-from adhesion_can.reporting.export.messages import id_text
-from adhesion_can.reporting.export.raster import Raster, parse_raster
 from adhesion_can.reporting.provenance import provenance_of_database, texts
 from adhesion_can.reporting.text import FittingTable, console
 
@@ -200,12 +199,12 @@ def _convert_to_raster(
             origin,
             name="raster",
             keep_formulas=target.keep_formulas,
-        ) as table_writer,
+        ) as write,
     ):
         for file, block in _blocks(again, watched, is_even=True):
             _, rows = second.decode(block, file)
             for even, columns in raster.add(rows):
-                table_writer.write(even, columns)
+                write(even, columns)
     document = first.to_dict(recordings)
     document["problems"] += raster.problems()
     return document

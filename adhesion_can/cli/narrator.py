@@ -89,28 +89,21 @@ class Narrator:
             if self._times.begin:
                 self._write(logging.INFO, f"times in s since {self._times.begin}")
         self._print_status(t_us, outputs)
-        self._print_objection(t_us, outputs.objection)
-        self._print_doubt(t_us, outputs.doubt)
-
-    def _print_objection(self, t_us: int, objection: Objection) -> None:
-        if objection is self._objection or not self._has_room():
-            return
-        self._objection = objection
-        sentence = objection_sentence(objection)
-        level = logging.WARNING if sentence else logging.INFO
-        fields = {"bus_time_s": t_us / 1e6, "objection": objection.name}
-        self._tell(level, f"{self._time(t_us)} {sentence or 'the readings agree again'}", fields)
-
-    def _print_doubt(self, t_us: int, doubt: Doubt) -> None:
+        objection, doubt = outputs.objection, outputs.doubt
+        if objection is not self._objection and self._has_room():
+            self._objection = objection
+            sentence = objection_sentence(objection)
+            self._warn_of(t_us, sentence, "the readings agree again", {"objection": objection.name})
         # 'Not available' in between neither confirms the last doubt nor takes it away.
-        if doubt in (self._doubt, Doubt.NOT_AVAILABLE) or not self._has_room():
-            return
-        self._doubt = doubt
-        sentence = doubt_sentence(doubt)
-        line = sentence or "no more doubt"
+        if doubt not in (self._doubt, Doubt.NOT_AVAILABLE) and self._has_room():
+            self._doubt = doubt
+            self._warn_of(t_us, doubt_sentence(doubt), "no more doubt", {"doubt": doubt.name})
+
+    def _warn_of(self, t_us: int, sentence: str, otherwise: str, fields: dict[str, Any]) -> None:
+        """Warn by a sentence; where it is empty, say what holds again."""
         level = logging.WARNING if sentence else logging.INFO
-        fields = {"bus_time_s": t_us / 1e6, "doubt": doubt.name}
-        self._tell(level, f"{self._time(t_us)} {line}", fields)
+        line = f"{self._time(t_us)} {sentence or otherwise}"
+        self._tell(level, line, {"bus_time_s": t_us / 1e6, **fields})
 
     def _print_status(self, t_us: int, outputs: Outputs) -> None:
         # A log file wants changes alone; a person at a terminal wants to see that it lives.

@@ -41,7 +41,7 @@ from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.reporting.drive.page import page
 from adhesion_can.reporting.drive.recorder import DriveRecorder
 from adhesion_can.reporting.drive.replayed import replay_texts
-from adhesion_can.reporting.export import require_format
+from adhesion_can.reporting.export.target import require_format
 from adhesion_can.reporting.next_steps.after_recording import after_replay
 from adhesion_can.reporting.page import Page
 from adhesion_can.reporting.provenance import provenance, texts

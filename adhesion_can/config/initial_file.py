@@ -58,9 +58,7 @@ class InitialConfiguration:
     @property
     def absent(self) -> list[Role]:
         """Roles that no signal was found for, neither a clear one nor one of several."""
-        guessed = self.guessed
-        rivals = (rival for alike in guessed.rivals.values() for rival in alike)
-        known = {guess.role for guess in (*guessed.taken, *rivals, *guessed.shared)}
+        known = {guess.role for guess in self.guessed.all}
         return [role for role in Role if role not in known and role is not Role.CHANNEL]
 
     @property
@@ -77,8 +75,7 @@ class InitialConfiguration:
     def without_cycle(self) -> list[str]:
         """Messages of the roles, open ones included, that have no cycle in the database."""
         guessed = self.guessed
-        rivals = (rival for alike in guessed.rivals.values() for rival in alike)
-        found = (*guessed.taken, *guessed.shared, *rivals)
+        found = (*guessed.taken, *guessed.shared, *guessed.unclear)
         messages = {one.message.name: one.message for one in found}
         return [name for name, one in messages.items() if cycle_us(one) is None]
 

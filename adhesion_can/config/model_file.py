@@ -23,7 +23,7 @@ from adhesion_can.config.toml_tables import (
     table_of,
     typed,
 )
-from adhesion_can.config.toml_text import quoted
+from adhesion_can.config.toml_text import quoted, toml_value
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import (
     BaseCurve,
@@ -55,6 +55,7 @@ from adhesion_can.physics.effects.formula import (
 _KEYS = ("base", "curve", "effect", "spline", "provenance")
 _CURVE_KEYS = ("family", "parameters", "covariance", "peak_std")
 _EFFECT_KEYS = ("id", "form", "expression", "acts_on", "parameters", "covariance")
+_SPLINE_KEYS = ("channel", "kind", "knots", "coefficients")
 _MATRIX = tuple[tuple[float, ...], ...]
 
 
@@ -226,8 +227,7 @@ def _formula(table: dict[str, Any], where: str) -> AnyFormula:
 
 
 def _spline(table: dict[str, Any], where: str) -> Empirical:
-    keys = ("channel", "kind", "knots", "coefficients")
-    spline: Empirical = section_with(Empirical, table, where, keys)
+    spline: Empirical = section_with(Empirical, table, where, _SPLINE_KEYS)
     return spline
 
 
@@ -251,11 +251,8 @@ def model_text(model: ExtendedModel) -> str:
         "# Extended model of adhesion-can: pass it to run, replay or identify with --model.",
         "",
     ]
-    lines += ["[base]"]
-    lines += [
-        f"{key} = {_number(v)}" for key, v in zip(("c1", "c2", "c3"), model.base, strict=True)
-    ]
-    lines += _matrix(model.base_covariance)
+    c1, c2, c3 = map(toml_value, model.base)
+    lines += ["[base]", f"c1 = {c1}", f"c2 = {c2}", f"c3 = {c3}", *_matrix(model.base_covariance)]
     lines += _curve_lines(model.curve)
     for active, covariance in zip(model.effects, model.covariances, strict=True):
         effect = active.effect
@@ -266,18 +263,14 @@ def model_text(model: ExtendedModel) -> str:
         if isinstance(effect, ReadingFormula):
             lines.append(f"acts_on = {quoted(effect.acts_on)}")
         lines += [*_matrix(covariance), "[effect.parameters]"]
-        lines += [
-            f"{_key(p.name)} = {_number(value)}  # {p.unit and p.unit + '; '}{p.meaning}"
-            for p, value in zip(effect.parameters, active.values, strict=True)
-        ]
+        lines += _parameters(effect.parameters, active.values)
     for spline in model.splines:
         lines += [
             "",
             "[[spline]]",
             "# adhesion over a channel as observed; no known effect describes it",
         ]
-        lines += [f"channel = {quoted(spline.channel)}", f"kind = {quoted(spline.kind)}"]
-        lines += [f"knots = {_list(spline.knots)}", f"coefficients = {_list(spline.coefficients)}"]
+        lines += [f"{key} = {toml_value(getattr(spline, key))}" for key in _SPLINE_KEYS]
     if model.provenance:
         lines += ["", "[provenance]"]
         lines += [f"{quoted(key)} = {quoted(value)}" for key, value in model.provenance.items()]
@@ -292,14 +285,9 @@ def _curve_lines(curve: BaseCurve | None) -> list[str]:
     lines = ["", "[curve]", f"# {family.title}; c1, c2, c3 above: the nearest Burckhardt curve"]
     lines += [f"family = {quoted(family.name)}", *_matrix(curve.covariance)]
     if any(curve.peak_std):
-        lines.append(
-            f"peak_std = {_list(curve.peak_std)}  # of mu_max and lambda_m, from the uncertain form"
-        )
-    lines.append("[curve.parameters]")
-    return lines + [
-        f"{p.name} = {_number(value)}  # {p.unit}; {p.meaning}"
-        for p, value in zip(family.parameters, curve.values, strict=True)
-    ]
+        where = "of mu_max and lambda_m, from the uncertain form"
+        lines.append(f"peak_std = {toml_value(curve.peak_std)}  # {where}")
+    return [*lines, "[curve.parameters]", *_parameters(family.parameters, curve.values)]
 
 
 def _comment(text: str) -> str:
@@ -312,16 +300,12 @@ def _key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
 
 
-def _number(value: float) -> str:
-    """Number with all its digits."""
-    return repr(float(value))
-
-
-def _list(values: tuple[float, ...]) -> str:
-    return f"[{', '.join(map(_number, values))}]"
-
-
 def _matrix(matrix: Matrix | None) -> list[str]:
-    if matrix is None:
-        return []
-    return [f"covariance = [{', '.join(_list(row) for row in matrix)}]"]
+    return [] if matrix is None else [f"covariance = {toml_value(matrix)}"]
+
+
+def _parameters(parameters: tuple[Parameter, ...], values: tuple[float, ...]) -> list[str]:
+    return [
+        f"{_key(p.name)} = {toml_value(value)}  # {p.unit and p.unit + '; '}{p.meaning}"
+        for p, value in zip(parameters, values, strict=True)
+    ]

@@ -23,7 +23,7 @@ from adhesion_can.config.toml_tables import (
     section_with,
     typed,
 )
-from adhesion_can.config.toml_text import quoted
+from adhesion_can.config.toml_text import toml_value
 from adhesion_can.errors import ConfigError
 from adhesion_can.files import whole_file
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanLimits, PlanStep, Prediction
@@ -102,10 +102,10 @@ def plan_text(plan: DrivingPlan, sources: Mapping[str, str] | None = None) -> st
     """Text of a plan's file, with comments on where its limits come from."""
     lines = [
         "# A driving plan of adhesion-can: for control --plan and simulate --closed-loop --plan.",
-        f"purpose = {_value(plan.purpose)}",
-        f"start_speed = {_value(plan.start_speed)}",
-        f"curve = {_value(plan.curve)}",
-        f"bandwidth_share = {_value(plan.bandwidth_share)}",
+        f"purpose = {toml_value(plan.purpose)}",
+        f"start_speed = {toml_value(plan.start_speed)}",
+        f"curve = {toml_value(plan.curve)}",
+        f"bandwidth_share = {toml_value(plan.bandwidth_share)}",
         "",
         "[limits]",
         *_keys(plan.limits, {key: f"  # {text}" for key, text in (sources or {}).items()}),
@@ -121,15 +121,4 @@ def _keys(
 ) -> list[str]:
     names = [field.name for field in fields(value)]
     ends = comments or {}
-    return [f"{name} = {_value(getattr(value, name))}{ends.get(name, '')}" for name in names]
-
-
-def _value(value: float | str | tuple[float | int, ...]) -> str:
-    """A value as TOML has it, a number with all its digits."""
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return quoted(value)
-    return repr(value)
+    return [f"{name} = {toml_value(getattr(value, name))}{ends.get(name, '')}" for name in names]

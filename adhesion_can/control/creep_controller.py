@@ -96,13 +96,7 @@ class CreepController:
         return self._excursions.axle
 
     def step(self, measured: Measurement, advice: Advice) -> Array:
-        """Effort to demand of each axle until the next cycle, N, shape (axles,).
-
-        Args:
-            measured: Measured state.
-            advice: Latest contents of the service's messages.
-
-        """
+        """Efforts to demand, N, shape (axles,), as `EffortController.step` defines it."""
         speed = self._speed.step(measured)
         if speed is None:
             self._begin_slow(Mode.WAITING)

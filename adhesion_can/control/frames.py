@@ -257,24 +257,22 @@ def build_follower(configuration: Configuration, plan: DrivingPlan) -> PlanFollo
         raise ConfigError(configuration.where, str(error), fix) from None
 
 
-def build_reference(
-    configuration: Configuration, settings: ControlSettings | None = None
-) -> CreepController:
+def build_reference(configuration: Configuration) -> CreepController:
     """The reference controller at the cycle of the configured wheel speeds.
+
+    A slow cycle takes a smaller bandwidth than its settings state.
 
     Args:
         configuration: Database, roles and vehicle.
-        settings: Settings; a slow cycle takes a smaller bandwidth than they state.
 
     Raises:
         ConfigError: A wheel speed or the vehicle speed has no role, its cycle is unknown, or the
             vehicle cannot be controlled.
 
     """
-    settings = settings or ControlSettings()
     cycle_s = find_cycle_us(configuration) / 1e6
     try:
-        return CreepController(configuration.vehicle, _at_cycle(settings, cycle_s))
+        return CreepController(configuration.vehicle, _at_cycle(ControlSettings(), cycle_s))
     except ValueError as error:
         fix = "fix [vehicle]: the controller needs it"
         raise ConfigError(configuration.where, str(error), fix) from None

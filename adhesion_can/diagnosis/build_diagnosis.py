@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypedDict
 
 import numpy as np
 
@@ -58,7 +57,7 @@ from adhesion_can.physics.effects.empirical import Empirical
 
 def build_empty_diagnosis(drives: Sequence[DriveData], untested: Sequence[Untested]) -> Diagnosis:
     """Diagnosis of data that allow none."""
-    return Diagnosis(verdict=Verdict.NOTHING, untested=tuple(untested), **_describe_inputs(drives))
+    return _with_inputs(Diagnosis(verdict=Verdict.NOTHING, untested=tuple(untested)), drives)
 
 
 def build_diagnosis(
@@ -123,7 +122,7 @@ def build_diagnosis(
         gain = _measure_on_held_out(findings, gain, model)
     confirmed = replace(confirmed, gain=gain)
     evidence = build_evidence(findings, causes, refuted_effects)
-    return Diagnosis(
+    diagnosis = Diagnosis(
         verdict=verdict,
         causes=causes,
         channel=_name_channel(findings, confirmed) if verdict is Verdict.UNEXPLAINED else None,
@@ -152,8 +151,8 @@ def build_diagnosis(
         noise=findings.noise,
         saturated=bool(findings.saturated),
         oscillates=findings.oscillates,
-        **_describe_inputs(drives),
     )
+    return _with_inputs(diagnosis, drives)
 
 
 def _measure_on_held_out(findings: Findings, gain: Gain, model: ExtendedModel) -> Gain:
@@ -256,17 +255,10 @@ def _compute_residual_after(
     return evaluate_model(data, model.curves, model.active_effects).residual
 
 
-class _Inputs(TypedDict):
-    """Fields of a diagnosis that describe its drives."""
-
-    samples: dict[str, int]
-    lost: dict[str, int]
-    begins: dict[str, int]
-    tables: bool
-
-
-def _describe_inputs(drives: Sequence[DriveData]) -> _Inputs:
-    return _Inputs(
+def _with_inputs(diagnosis: Diagnosis, drives: Sequence[DriveData]) -> Diagnosis:
+    """The diagnosis with the fields that describe its drives."""
+    return replace(
+        diagnosis,
         samples={drive.name: len(drive) for drive in drives},
         lost={
             f"{drive.name}: {reason}": count

@@ -34,7 +34,7 @@ from adhesion_can.estimation.curves.hold_out import (
 from adhesion_can.estimation.curves.online_comparison import MISFIT_WIDTH, FamilyTracker
 from adhesion_can.estimation.curves.peak import find_top
 from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
-from adhesion_can.estimation.curves.result import CommonErrors
+from adhesion_can.estimation.curves.result import COMMON_ADHESION, COMMON_SLIP
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings, assess_peak
 from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
 from adhesion_can.physics.curves import Conditions, CurveFamily
@@ -114,7 +114,6 @@ def find_rail_peak(
     samples: Samples,
     plain: Estimate,
     settings: IdentifiabilitySettings,
-    common: CommonErrors | None = None,
 ) -> RailPeak | None:
     """Peak of the rail by the families that hold on the samples of one surface.
 
@@ -123,7 +122,6 @@ def find_rail_peak(
             some families depend on it.
         plain: Estimate with Burckhardt's curve from these samples.
         settings: Limits from which the peak counts as identifiable.
-        common: Errors common to all samples; None: those of a vehicle that is not calibrated.
 
     Returns:
         Peak; None for too few samples to compare families.
@@ -132,7 +130,6 @@ def find_rail_peak(
     samples = samples.select(np.isfinite(samples.speed))
     if len(samples) < LEAST_SAMPLES:
         return None
-    common = common or CommonErrors()
     compare = _compare_binned if samples.slip_total_var.any() else _compare_scores
     comparison = compare(samples, plain, settings.slip_max)
     if comparison is None or not comparison.pooled.mu_max > 0.0:
@@ -146,8 +143,8 @@ def find_rail_peak(
     peak = PeakEstimate(
         mu_max,
         lambda_m,
-        hypot(mu_std, mu_max * misfit, mu_max * common.adhesion),
-        hypot(lambda_std, lambda_m * misfit / MISFIT_WIDTH / curvature, common.slip),
+        hypot(mu_std, mu_max * misfit, mu_max * COMMON_ADHESION),
+        hypot(lambda_std, lambda_m * misfit / MISFIT_WIDTH / curvature, COMMON_SLIP),
     )
     points = CurvePoints.from_samples(samples).compressed()
     return RailPeak(
@@ -159,7 +156,6 @@ def find_rail_peak(
         noise_std=noise_variance(points, comparison.best, comparison.values) ** 0.5,
         speed=float(comparison.conditions.speed),
         plain=plain,
-        common=common,
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from adhesion_can.estimation.curves.result import CommonErrors
+from adhesion_can.estimation.curves.result import COMMON_ADHESION, COMMON_SLIP
 from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate
 from adhesion_can.result_text import plus_minus
 
@@ -27,7 +27,6 @@ class RailPeak:
         noise_std: Standard deviation of the measured adhesion about the best family's curve.
         speed: Vehicle speed at which the peak is given, m/s.
         plain: Estimate with Burckhardt's curve.
-        common: Errors common to all samples.
 
     """
 
@@ -39,7 +38,6 @@ class RailPeak:
     noise_std: float
     speed: float
     plain: Estimate
-    common: CommonErrors
 
     @property
     def name(self) -> str | None:
@@ -71,13 +69,13 @@ class RailPeak:
         if self.burckhardt_holds:
             return "Burckhardt's peak holds: no other curve family contradicts it."
         mu_max, lambda_m, mu_max_std, lambda_m_std = self.peak
-        known, common = self.identifiable, self.common
+        known = self.identifiable
         several = " (the data cannot distinguish them)" if len(self.plausible) > 1 else ""
         peak = (
             f"the peak is {plus_minus(mu_max, mu_max_std if known.mu_max else None)} at a slip "
             f"of {plus_minus(lambda_m, lambda_m_std if known.lambda_m else None)} with "
             f"{_enumerate(self.plausible)}{several}, at {self.speed:.1f} m/s; the errors include "
-            f"{common.slip:g} of slip and {100 * common.adhesion:g} % of adhesion that all "
+            f"{COMMON_SLIP:g} of slip and {100 * COMMON_ADHESION:g} % of adhesion that all "
             "samples share"
         )
         if self.misfit:

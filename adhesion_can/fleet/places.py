@@ -66,16 +66,11 @@ class Place:
             except FileNotFoundError:
                 return None
 
-    def find(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
-        """Names of all files below, each with what the file system says of it."""
+    def files(self, *, pattern: bool = False) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """Names of all files below, or that fit the pattern, with what the file system says."""
+        search = self.system.glob if pattern else self.system.find
         with self.errors():
-            found = self.system.find(self.inner, detail=True)
-        yield from ((self.full(one), self._with_time(info)) for one, info in found.items())
-
-    def glob(self) -> Iterator[tuple[str, Mapping[str, Any]]]:
-        """Names of the files that fit the pattern, each with what the file system says of it."""
-        with self.errors():
-            found = self.system.glob(self.inner, detail=True)
+            found = search(self.inner, detail=True)
         for one, info in found.items():
             if info["type"] != "directory":
                 yield self.full(one), self._with_time(info)

@@ -14,7 +14,6 @@ from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.pooled_diagnosis import diagnose_fleet
 from adhesion_can.fleet.read_evidence import read_evidence
 from adhesion_can.fleet.schema import FINDINGS, SEGMENTS, UNITS
-from adhesion_can.fleet.settings import FleetSettings
 
 JSON, TABLE, PAGE = "fleet.json", "fleet_findings.parquet", "fleet.html"
 """Names of the files in the folder of the data set."""
@@ -26,18 +25,17 @@ _OF_SEGMENTS = (
 )  # fmt: skip
 
 
-def diagnose_data_set(data: DataSet, settings: FleetSettings | None = None) -> FleetOverview:
+def diagnose_data_set(data: DataSet) -> FleetOverview:
     """Diagnose a fleet from its data set, no recording is read again.
 
     Args:
         data: Data set.
-        settings: Rates of false findings and least sizes; None: the defaults.
 
     Raises:
         InputError: The data set cannot be read.
 
     """
-    found = diagnose_fleet(read_evidence(data), settings)
+    found = diagnose_fleet(read_evidence(data))
     units = (row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows)
     segments = (row for rows in data.read_rows(SEGMENTS, _OF_SEGMENTS) for row in rows)
     return summarise_fleet(found, units, segments)

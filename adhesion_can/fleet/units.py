@@ -185,12 +185,12 @@ def _files(given: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
         yield place.name, info
         return
     if info is not None:
-        files = {name: about for name, about in place.find() if _is_taken(name, place.name)}
+        files = {name: about for name, about in place.files() if _is_taken(name, place.name)}
         if not files:
             known = ", ".join(sorted(_SUFFIXES))
             raise InputError(given, "no recording in this folder", f"their names end in {known}")
     elif _PATTERN.search(given):
-        files = dict(place.glob())
+        files = dict(place.files(pattern=True))
         if not files:
             raise InputError(
                 given, "no file matches this pattern", "check it; in a shell, put it in quotes"

@@ -56,62 +56,40 @@ class DrivePlot:
     after: Array
 
 
-@dataclass(frozen=True, slots=True)
-class CoastingPlots:
-    """Coasting of all drives.
+def plot_drives(
+    drives: Sequence[CoastingDrive],
+    names: Sequence[str],
+    vehicle: Locomotive,
+    settings: CalibrationSettings,
+    result: Calibration,
+) -> list[DrivePlot]:
+    """Coasting of drives, with the residuals before and after a calibration.
 
-    Attributes:
-        axles: Numbers of the axles.
-        drives: Coasting of each drive.
+    Args:
+        drives: Signals of the drives.
+        names: Names of their recordings.
+        vehicle: Vehicle with the configured radii.
+        settings: Definition of coasting.
+        result: Calibration of these drives.
 
     """
-
-    axles: tuple[int, ...]
-    drives: tuple[DrivePlot, ...]
-
-    @classmethod
-    def build(
-        cls,
-        drives: Sequence[CoastingDrive],
-        names: Sequence[str],
-        vehicle: Locomotive,
-        settings: CalibrationSettings,
-        result: Calibration,
-    ) -> "CoastingPlots":
-        """Coasting of drives, with the residuals before and after a calibration.
-
-        Args:
-            drives: Signals of the drives.
-            names: Names of their recordings.
-            vehicle: Vehicle with the configured radii.
-            settings: Definition of coasting.
-            result: Calibration of these drives.
-
-        """
-        axles = tuple(axle.axle for axle in result.axles)
-        configured = np.array([axle.configured for axle in result.axles])
-        found = np.array([axle.ratio for axle in result.axles]) * configured
-        offset = 0.0 if result.offset is None else result.offset.value
-        plots = []
-        for drive, name in zip(drives, names, strict=True):
-            rows = find_coasting(drive, axles, vehicle, settings)
-            late = rows.speed + result.delay_used_s * rows.acceleration
-            plots.append(
-                DrivePlot(
-                    name,
-                    drive.speed.t_us,
-                    rows.speed,
-                    rows.used,
-                    rows.speed[:, None] - rows.rolling * configured,
-                    late[:, None] - rows.rolling * found - offset,
-                )
-            )
-        return cls(axles, tuple(plots))
+    axles = [axle.axle for axle in result.axles]
+    configured = np.array([axle.configured for axle in result.axles])
+    found = np.array([axle.ratio for axle in result.axles]) * configured
+    offset = 0.0 if result.offset is None else result.offset.value
+    plots = []
+    for drive, name in zip(drives, names, strict=True):
+        rows = find_coasting(drive, axles, vehicle, settings)
+        late = rows.speed + result.delay_used_s * rows.acceleration
+        before = rows.speed[:, None] - rows.rolling * configured
+        after = late[:, None] - rows.rolling * found - offset
+        plots.append(DrivePlot(name, drive.speed.t_us, rows.speed, rows.used, before, after))
+    return plots
 
 
 def page(
     result: Calibration,
-    plots: CoastingPlots,
+    plots: Sequence[DrivePlot],
     rim: Collection[int],
     notes: Sequence[str],
     provenance: Mapping[str, str],
@@ -143,11 +121,12 @@ def page(
     table = Table(
         "Radii, ± standard error.", radius_columns(result), radius_rows(result, rim), note
     )
-    coasting = [_coasting_figure(plots.axles, drive) for drive in plots.drives if len(drive.t_us)]
-    left = [_residual_figure(plots.axles, drive) for drive in plots.drives if drive.used.any()]
+    axles = [axle.axle for axle in result.axles]
+    coasting = [_coasting_figure(axles, drive) for drive in plots if len(drive.t_us)]
+    left = [_residual_figure(axles, drive) for drive in plots if drive.used.any()]
     return Page(
         title="Wheel radii and errors of the vehicle speed",
-        lead=f"Calibration from coasting in {', '.join(drive.name for drive in plots.drives)}.",
+        lead=f"Calibration from coasting in {', '.join(drive.name for drive in plots)}.",
         verdict=verdict,
         sections={
             "Radii": [table, _radius_figure(result)],
@@ -157,16 +136,13 @@ def page(
         },
         provenance=provenance,
         begin=beginnings(
-            [
-                (drive.name, int(drive.t_us[0]) if len(drive.t_us) else None)
-                for drive in plots.drives
-            ]
+            [(drive.name, int(drive.t_us[0]) if len(drive.t_us) else None) for drive in plots]
         ),
     )
 
 
-def _rms(plots: CoastingPlots, name: str) -> float:
-    parts = [getattr(drive, name)[drive.used] for drive in plots.drives]
+def _rms(plots: Sequence[DrivePlot], name: str) -> float:
+    parts = [getattr(drive, name)[drive.used] for drive in plots]
     values = np.concatenate([part[np.isfinite(part)] for part in parts])
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 

@@ -5,7 +5,12 @@ from math import exp, isfinite
 from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.estimation.curves.fit import FittedCurve
 from adhesion_can.estimation.curves.hold_out import LEAST_SAMPLES
-from adhesion_can.estimation.curves.result import COLUMNS, CurveComparison
+from adhesion_can.estimation.curves.result import (
+    COLUMNS,
+    COMMON_ADHESION,
+    COMMON_SLIP,
+    CurveComparison,
+)
 from adhesion_can.estimation.rail_peak import BURCKHARDT, RailPeak
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.reporting.text import FittingTable
@@ -137,10 +142,9 @@ def _verdict(comparison: CurveComparison, rail: RailPeak | None) -> str:
         f"{plus_minus(comparison.mu_max, mu_std)} at a slip of "
         f"{plus_minus(comparison.lambda_m, lambda_std if isfinite(lambda_std) else None)}"
     )
-    common = comparison.common
     return (
         f"{fits} Peak of the surface at {comparison.speed:.1f} m/s: {peak}; the errors include "
-        f"{common.slip:g} of slip and {100 * common.adhesion:g} % of adhesion that all samples "
+        f"{COMMON_SLIP:g} of slip and {100 * COMMON_ADHESION:g} % of adhesion that all samples "
         "share."
     )
 

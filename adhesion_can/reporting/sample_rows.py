@@ -14,7 +14,8 @@ from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.channels import channel_label, channel_unit
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
-from adhesion_can.reporting.export import Field, FieldColumn, TableWriter, open_table
+from adhesion_can.reporting.export import WriteRows, open_table
+from adhesion_can.reporting.export.layout import Field, FieldColumn
 
 ROWS = 20_000
 """Number of rows written at once."""
@@ -41,14 +42,14 @@ class SampleRows:
     """Buffer of samples, written many at once.
 
     Args:
-        writer: Writer of the table.
+        write: Function that appends rows to the table.
         channels: Names of the further channels.
         slip_max: Largest slip ratio that is used.
 
     """
 
-    def __init__(self, writer: TableWriter, channels: Sequence[str], slip_max: float) -> None:
-        self._writer, self._channels, self._slip_max = writer, channels, slip_max
+    def __init__(self, write: WriteRows, channels: Sequence[str], slip_max: float) -> None:
+        self._write, self._channels, self._slip_max = write, channels, slip_max
         self._waiting: list[Samples] = []
         self._curves: list[Array] = []
         self._surfaces: list[int] = []
@@ -95,7 +96,7 @@ class SampleRows:
             *(FieldColumn(values, np.isnan(values)) for values in channels.values()),
         ]
         order = np.argsort(samples.t_us, kind="stable")
-        self._writer.write(samples.t_us[order] * 1000, [one.select(order) for one in columns])
+        self._write(samples.t_us[order] * 1000, [one.select(order) for one in columns])
         self._waiting, self._curves, self._surfaces, self._size = [], [], [], 0
 
     def _channel(self, name: str) -> Array:
@@ -125,7 +126,7 @@ def sample_table(
         Field(name, unit=channel_unit(name), comment=channel_label(name), optional=True, spec=".9g")
         for name in channels
     )
-    with open_table(path, (*FIELDS, *further), origin, name="Samples") as writer:
-        rows = SampleRows(writer, channels, slip_max)
+    with open_table(path, (*FIELDS, *further), origin, name="Samples") as write:
+        rows = SampleRows(write, channels, slip_max)
         yield rows.add
         rows.flush()

@@ -15,7 +15,8 @@ from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
-from adhesion_can.reporting.export import Field, FieldColumn, TableWriter, open_table
+from adhesion_can.reporting.export import open_table
+from adhesion_can.reporting.export.layout import Field, FieldColumn
 from adhesion_can.service.output_messages import AXLE_FRAMES
 from adhesion_can.service.outputs import Outputs, Setpoint
 
@@ -163,29 +164,6 @@ def setpoint_row(outputs: Outputs) -> list[float]:
     return [column.number(outputs) for column in COLUMNS]
 
 
-class _RowBuffer:
-    """Buffer of rows, written many at once."""
-
-    def __init__(self, writer: TableWriter) -> None:
-        self._writer = writer
-        self._t_us: list[int] = []
-        self._values: list[list[float]] = []
-
-    def add(self, t_us: int, outputs: Outputs) -> None:
-        self._t_us.append(t_us)
-        self._values.append(setpoint_row(outputs))
-        if len(self._t_us) >= ROWS:
-            self.flush()
-
-    def flush(self) -> None:
-        if not self._t_us:
-            return
-        numbers = np.array(self._values).T
-        columns = [column.written(n) for column, n in zip(COLUMNS, numbers, strict=True)]
-        self._writer.write(np.array(self._t_us, dtype=np.int64) * 1000, columns)
-        self._t_us, self._values = [], []
-
-
 @contextmanager
 def setpoint_table(
     path: Path, origin: Mapping[str, str]
@@ -202,7 +180,21 @@ def setpoint_table(
     """
     with open_table(
         path, [column.field for column in COLUMNS], origin, name="AdhesionSetpoint"
-    ) as writer:
-        rows = _RowBuffer(writer)
-        yield rows.add
-        rows.flush()
+    ) as write:
+        waiting: list[tuple[int, list[float]]] = []
+
+        def flush() -> None:
+            if waiting:
+                t_us, values = zip(*waiting, strict=True)
+                numbers = zip(COLUMNS, np.array(values).T, strict=True)
+                columns = [column.written(of_rows) for column, of_rows in numbers]
+                write(np.array(t_us, dtype=np.int64) * 1000, columns)
+                waiting.clear()
+
+        def add(t_us: int, outputs: Outputs) -> None:
+            waiting.append((t_us, setpoint_row(outputs)))
+            if len(waiting) >= ROWS:
+                flush()
+
+        yield add
+        flush()

@@ -38,6 +38,7 @@ BLOCK = 48
 """Number of differences in a block, for a stride of one."""
 LEAST_READINGS = 60
 """Number of readings below which nothing is estimated."""
+TOO_FEW = "too few readings"
 LEAST_BLOCK = 30
 """Number of differences in the shortest block, for a stride of one."""
 LEAST_STRIDES = 3
@@ -115,16 +116,16 @@ def estimate_noise(traces: Mapping[Signal, Trace], steps: Mapping[Role, float]) 
         steps: Step of one raw bit of each role, SI; 0 where there is none.
 
     """
-    wheels = {axle: trace for (role, axle), trace in traces.items() if role is Role.WHEEL_SPEED}
-    efforts = {a: trace for (role, a), trace in traces.items() if role is Role.TRACTIVE_EFFORT}
-    wheel_step = steps.get(Role.WHEEL_SPEED, 0.0)
-    effort_step = steps.get(Role.TRACTIVE_EFFORT, 0.0)
-    speed = traces.get((Role.VEHICLE_SPEED, 0), Trace(np.empty(0, dtype=np.int64), np.empty(0)))
-    by_wheel = {a: estimate_signal(t, wheel_step) for a, t in sorted(wheels.items())}
-    by_effort = {a: estimate_signal(t, effort_step) for a, t in sorted(efforts.items())}
+
+    def by_axle(wanted: Role) -> dict[int, NoiseEstimate]:
+        axles = sorted(axle for role, axle in traces if role is wanted)
+        step = steps.get(wanted, 0.0)
+        return {axle: estimate_signal(traces[wanted, axle], step) for axle in axles}
+
+    by_wheel, by_effort = by_axle(Role.WHEEL_SPEED), by_axle(Role.TRACTIVE_EFFORT)
     return SensorNoise(
         wheel_speed=pool(list(by_wheel.values())),
-        vehicle_speed=estimate_signal(speed, steps.get(Role.VEHICLE_SPEED, 0.0)),
+        vehicle_speed=by_axle(Role.VEHICLE_SPEED).get(0, NoiseEstimate(reason=TOO_FEW)),
         effort=pool(list(by_effort.values())),
         wheel_speed_by_axle=by_wheel,
         effort_by_axle=by_effort,
@@ -156,7 +157,7 @@ def estimate_signal(trace: Trace, step: float = 0.0) -> NoiseEstimate:
 
     """
     if int(np.isfinite(trace.value).sum()) < LEAST_READINGS:
-        return NoiseEstimate(reason="too few readings")
+        return NoiseEstimate(reason=TOO_FEW)
     cycle_s = float(np.median(np.diff(trace.t_us))) * 1e-6
     t_s, value = _spans(trace)
     found = {order: _variance(t_s, value, order, 1, cycle_s) for order in ORDERS}

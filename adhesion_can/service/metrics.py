@@ -18,9 +18,6 @@ from prometheus_client.core import (
 from prometheus_client.registry import Collector
 
 from adhesion_can.bus.rejection import REJECTIONS
-from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.objection import Objection
-from adhesion_can.physics.status import Status
 from adhesion_can.service.counters import COUNTERS
 from adhesion_can.service.lateness import BOUNDS_US
 from adhesion_can.service.live import LiveService
@@ -72,17 +69,13 @@ class ServiceCollector(Collector):
         if (loop_us := service.core.loop_time_p99_us) is not None:
             name, meaning = "loop_time_p99_seconds", "99 % quantile of the time to handle a frame"
             yield GaugeMetricFamily(f"{PREFIX}{name}", meaning, loop_us / 1e6)
-        yield StateSetMetricFamily(
-            f"{PREFIX}status", "status", {one.name: one is outputs.status for one in Status}
-        )
-        yield StateSetMetricFamily(
-            f"{PREFIX}doubt", "doubt", {one.name: one is outputs.doubt for one in Doubt}
-        )
-        yield StateSetMetricFamily(
-            f"{PREFIX}objection",
-            "objection to the readings",
-            {one.name: one is outputs.objection for one in Objection},
-        )
+        for name, meaning, now in (
+            ("status", "status", outputs.status),
+            ("doubt", "doubt", outputs.doubt),
+            ("objection", "objection to the readings", outputs.objection),
+        ):
+            states = {one.name: one is now for one in type(now)}
+            yield StateSetMetricFamily(f"{PREFIX}{name}", meaning, states)
         for name, meaning, read in GAUGES:
             if (number := read(outputs)) is not None:
                 yield GaugeMetricFamily(f"{PREFIX}{name}", meaning, number)

@@ -327,13 +327,7 @@ class Track:
         self._settled: AxleCurves | None = None
 
     def under(self, time_s: float, position: float) -> AxleCurves:
-        """Values of the curve's parameters under each axle, shape (axles,) each.
-
-        Args:
-            time_s: Simulated time, s.
-            position: Position of the leading axle, m.
-
-        """
+        """Values of the curve's parameters under each axle, as `Rails.under` defines it."""
         count = len(self._entered_m)
         if count < len(self._sections) and time_s >= self._sections[count].from_s:
             self._entered_m.append(position)

@@ -1,4 +1,4 @@
-"""Sensors on the bus of any database, whose signals have the roles of a configuration."""
+"""Sensors on the bus of any database: frames with noisy measurements, by the signals' roles."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -7,9 +7,10 @@ from statistics import fmean
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase
 from adhesion_can.bus.e2e import COUNTS, protect
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.roles import BoundMessage, BoundSignal
+from adhesion_can.bus.roles import BoundMessage, BoundSignal, bind, packaged_choices
 from adhesion_can.errors import InputError
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.instrument_laws import Quantity
@@ -27,6 +28,18 @@ from adhesion_can.simulation.sensors import (
     delays_by_role_us,
     none_for_nan,
 )
+
+
+def packaged_messages(database: CanDatabase) -> tuple[BoundMessage, ...]:
+    """All input messages of the packaged message set, in the order of the bus.
+
+    Args:
+        database: Database that has them, by their names.
+
+    """
+    choices = sorted(packaged_choices(), key=lambda choice: INPUT_MESSAGES.index(choice.message))
+    most_axles = max(choice.axle for choice in choices)
+    return bind(choices, database, [1.0] * most_axles, "the packaged message set")
 
 
 class RoleTransmitter:
@@ -88,7 +101,7 @@ class RoleSensors:
         noise: Standard deviations of the noise.
         rng: Generator of the noise.
         instruments: Errors of the sensors beside the noise.
-        vehicle: Configured vehicle, on which some errors depend; None: the default.
+        vehicle: Configured vehicle, on which some errors depend.
 
     Raises:
         InputError: A signal is multiplexed, or the cycle of a message is unknown.
@@ -101,12 +114,13 @@ class RoleSensors:
         noise: SensorNoiseSettings,
         rng: np.random.Generator,
         instruments: Instruments,
-        vehicle: Locomotive | None = None,
+        vehicle: Locomotive,
     ) -> None:
         self._noise = noise
         self._rng = rng
         self._instruments = instruments
-        self._errors = SensorErrors(instruments, vehicle or Locomotive())
+        self._errors = SensorErrors(instruments, vehicle)
+        self._axles = vehicle.axles
         self._delay_us = delays_by_role_us(instruments)
         longest_us = max(self._delay_us.values())
         self._history = StateHistory(longest_us)
@@ -124,7 +138,15 @@ class RoleSensors:
     def due(
         self, after: PlantState, before: PlantState, from_us: int, until_us: int
     ) -> list[Frame]:
-        """Frames due until `until_us`, as those of `Sensors.due`."""
+        """Frames due after `from_us` and until `until_us`, in the order of their stamps.
+
+        Args:
+            after: State at `until_us`.
+            before: State at `from_us`.
+            from_us: Start of the step, µs.
+            until_us: End of the step, µs.
+
+        """
         if self._history.is_empty:
             self._history.add(from_us, before)
         self._history.add(until_us, after)
@@ -138,9 +160,14 @@ class RoleSensors:
     def _values(self, transmitter: RoleTransmitter) -> dict[str, float | None]:
         """Values of a message's signals, in their units, at its due time."""
         given: dict[str, list[float | None]] = {}
+        states: dict[int, PlantState] = {}
         for signal in transmitter.signals:
             t_us = transmitter.due_us - self._delay_us.get(signal.role, 0)
-            measured = self._measure(signal, self._history.at(t_us), t_us / 1e6)
+            if t_us not in states:
+                states[t_us] = self._history.at(t_us)
+            measured = None
+            if signal.axle <= self._axles:
+                measured = self._measure(signal, states[t_us], t_us / 1e6)
             value = None if measured is None else none_for_nan(measured)
             given.setdefault(signal.plan.name, []).append(
                 None if value is None else (value + signal.offset) / signal.scale

@@ -30,9 +30,9 @@ from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.drive import Drive, DriveSettings
 from adhesion_can.simulation.plant import SLOWEST, Plant, Rails, Track
-from adhesion_can.simulation.role_sensors import RoleSensors
+from adhesion_can.simulation.role_sensors import RoleSensors, packaged_messages
 from adhesion_can.simulation.scenarios import Scenario
-from adhesion_can.simulation.sensors import PlantState, SensorNoiseSettings, SimulatedSensors
+from adhesion_can.simulation.sensors import PlantState, SensorNoiseSettings
 
 STEP_US = 2000
 
@@ -120,11 +120,8 @@ class Simulation:
         self._track: Rails = rails or Track(self.sections, behind)
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
         rng = np.random.default_rng(settings.seed)
-        self._sensors = (
-            SimulatedSensors(database, settings.noise, rng, instruments, settings.vehicle)
-            if messages is None
-            else RoleSensors(messages, settings.noise, rng, instruments, settings.vehicle)
-        )
+        sent = packaged_messages(database) if messages is None else messages
+        self._sensors = RoleSensors(sent, settings.noise, rng, instruments, settings.vehicle)
         answers = database_with(OUTPUT_MESSAGES, database)
         demands = database_with(DEMAND_MESSAGES, database)
         self._setpoint = MessagePlan(answers.message("AdhesionSetpoint"))
@@ -235,8 +232,7 @@ class Simulation:
 
     def notes(self) -> list[str]:
         """Sentences on what was changed for the vehicle, and on readings that were cut off."""
-        cut = self._sensors.saturation() if isinstance(self._sensors, RoleSensors) else []
-        return [*self.settings.notes, *cut]
+        return [*self.settings.notes, *self._sensors.saturation()]
 
     def adhesion_used(self) -> float:
         """Adhesion that the axles use now, Σ F / Σ N."""

@@ -1,28 +1,22 @@
-"""Sensors: from the plant's state to frames with its noisy measurements."""
+"""What sensors measure: the plant's state, as late and as wrong as they read it."""
 
 from bisect import bisect_right
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan
 
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.bus.database import INPUT_MESSAGES, CanDatabase
-from adhesion_can.bus.frame import Frame, to_us
-from adhesion_can.bus.protected_message import ProtectedMessage
+from adhesion_can.bus.frame import to_us
 from adhesion_can.physics.instrument_laws import Quantity, Situation, total_error
-from adhesion_can.physics.instruments import PERFECT, Instruments
+from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.lag_states import LagStates
-from adhesion_can.physics.readings import Direction, Role, SpeedSource
+from adhesion_can.physics.readings import Role
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.simulation.surroundings import DEFAULT_CONDITIONS, SurroundingConditions
 
 SLOT_US = 250
 """Duration of a frame of 8 bytes at 500 kbit/s, about, µs."""
-
-AXLES_PER_MESSAGE = 3
-
 NOISE_ROOM = 5.0
 """Distance from the end of a signal's range that noise does not bridge, in standard deviations."""
 
@@ -183,28 +177,6 @@ WHOLE_VEHICLE = np.ones(1)
 """Axle in whose place a reading of the whole vehicle is kept."""
 
 
-class Transmitter:
-    """One input message: when it is due next, and its payload from a state.
-
-    Args:
-        database: Database with the message.
-        name: Name of the message.
-        slot: Place in the order of the bus, from 0: the phase of the message.
-
-    """
-
-    def __init__(self, database: CanDatabase, name: str, slot: int) -> None:
-        self.name = name
-        self._message = ProtectedMessage(database.message(name))
-        self.due_us = slot * SLOT_US
-
-    def frame(self, values: Mapping[str, float | None]) -> Frame:
-        """The frame now due; the next one is due a cycle later."""
-        frame = self._message.frame(self.due_us, values)
-        self.due_us += self._message.cycle_us
-        return frame
-
-
 def delays_by_role_us(instruments: Instruments) -> dict[Role, int]:
     """Age of the values of each role at their stamp, µs; where one is early the others are late."""
     delays = {
@@ -214,128 +186,6 @@ def delays_by_role_us(instruments: Instruments) -> dict[Role, int]:
     }
     earliest = min(*delays.values(), 0.0)
     return {role: to_us(delay - earliest) for role, delay in delays.items()}
-
-
-_ROLES = {
-    "WheelSpeeds1": Role.WHEEL_SPEED,
-    "WheelSpeeds2": Role.WHEEL_SPEED,
-    "VehicleSpeed": Role.VEHICLE_SPEED,
-    "TractiveEffort1": Role.TRACTIVE_EFFORT,
-    "TractiveEffort2": Role.TRACTIVE_EFFORT,
-}
-
-
-class SimulatedSensors:
-    """All input messages of the packaged message set, each at its cycle.
-
-    Args:
-        database: The message set of adhesion-can.
-        noise: Standard deviations of the noise.
-        rng: Generator of the noise.
-        instruments: Errors of the sensors beside the noise.
-        vehicle: Configured vehicle, on which some errors depend; None: the default.
-
-    """
-
-    def __init__(
-        self,
-        database: CanDatabase,
-        noise: SensorNoiseSettings,
-        rng: np.random.Generator,
-        instruments: Instruments = PERFECT,
-        vehicle: Locomotive | None = None,
-    ) -> None:
-        self._noise = noise
-        self._rng = rng
-        self._instruments = instruments
-        self._errors = SensorErrors(instruments, vehicle or Locomotive())
-        of_roles = delays_by_role_us(instruments)
-        self._delay_us = {name: of_roles[role] for name, role in _ROLES.items()}
-        longest_us = max(self._delay_us.values())
-        self._history = StateHistory(longest_us) if longest_us else None
-        self._transmitters = [
-            Transmitter(database, name, slot) for slot, name in enumerate(INPUT_MESSAGES)
-        ]
-
-    def due(
-        self, after: PlantState, before: PlantState, from_us: int, until_us: int
-    ) -> list[Frame]:
-        """Frames due after `from_us` and until `until_us`, in the order of their stamps.
-
-        Args:
-            after: State at `until_us`.
-            before: State at `from_us`.
-            from_us: Start of the step, µs.
-            until_us: End of the step, µs.
-
-        """
-        if self._history is not None:
-            if self._history.is_empty:
-                self._history.add(from_us, before)
-            self._history.add(until_us, after)
-        frames = []
-        ready = [t for t in self._transmitters if t.due_us <= until_us]
-        for transmitter in sorted(ready, key=lambda t: t.due_us):
-            share = (transmitter.due_us - from_us) / (until_us - from_us)
-            state = before.towards(after, max(share, 0.0))
-            delay_us = self._delay_us.get(transmitter.name, 0)
-            if delay_us and self._history is not None:
-                state = self._history.at(transmitter.due_us - delay_us)
-            time_s = (transmitter.due_us - delay_us) / 1e6
-            frames.append(transmitter.frame(self._values(transmitter.name, state, time_s)))
-        return frames
-
-    def _values(self, name: str, state: PlantState, time_s: float) -> dict[str, float | None]:
-        noise, rng = self._noise, self._rng
-        if name == "VehicleSpeed":
-            read = self._errors.add(
-                Quantity.SPEED, np.array([state.speed]), state, time_s, WHOLE_VEHICLE
-            )
-            speed = (1.0 + self._instruments.speed_error) * float(read[0])
-            measured_speed = max(speed + noise.vehicle_speed * rng.standard_normal(), 0.0)
-            return {
-                "VehicleSpeed": none_for_nan(measured_speed),
-                "VehicleSpeedSource": float(SpeedSource.RADAR),
-                "Direction": float(Direction.FORWARD),
-            }
-        if name == "Environment":
-            return {
-                "AmbientTemperature": state.conditions.ambient_temperature,
-                "RailTemperature": state.conditions.rail_temperature,
-                "RelativeHumidity": state.conditions.humidity,
-                "SandingActive": state.conditions.sanding,
-                "Rain": state.conditions.rain,
-            }
-        if name == "TrackGeometry":
-            return {
-                "Gradient": state.gradient * 1e3,
-                "Curvature": state.conditions.curvature * 1e3,
-            }
-        first = AXLES_PER_MESSAGE * (int(name[-1]) - 1)
-        bias = self._instruments.effort_bias
-        signal, quantity, column, spread, offset = {
-            "WheelSpeeds": (
-                "WheelSpeed", Quantity.WHEEL_SPEED, state.wheel_speed, noise.wheel_speed, 0.0
-            ),
-            "TractiveEffort": (
-                "TractiveEffort", Quantity.EFFORT, state.effort, noise.effort, bias
-            ),
-            "AxleLoads": ("AxleLoad", Quantity.LOAD, state.load, noise.load, 0.0),
-        }[name[:-1]]  # fmt: skip
-        axles = range(first, min(first + AXLES_PER_MESSAGE, len(column)))
-        read = self._errors.add(
-            quantity, column[axles.start : axles.stop], state, time_s, np.array(axles) + 1.0
-        )
-        measured = read + offset + spread * rng.standard_normal(len(axles))
-        if signal == "WheelSpeed":
-            measured = np.maximum(measured, 0.0)  # a magnitude
-        values: dict[str, float | None] = {
-            f"{signal}_Ax{first + place}": None for place in range(1, AXLES_PER_MESSAGE + 1)
-        }
-        return values | {
-            f"{signal}_Ax{axle + 1}": none_for_nan(x)
-            for axle, x in zip(axles, measured.tolist(), strict=True)
-        }
 
 
 def none_for_nan(value: float) -> float | None:

@@ -177,7 +177,7 @@ def test_the_rival_s_own_parameters_lower_the_discrepancy():
 def test_a_test_at_the_needed_discrepancy_has_its_power_and_its_level():
     """Cox's statistic by drawing: mean T and variance 4 T under the one, -T under the other."""
     rng = np.random.default_rng(1)
-    wanted = needed_discrepancy(power=0.95, level=0.05)
+    wanted = needed_discrepancy()
     assert power_of(wanted) == pytest.approx(0.95)
     away = np.zeros(50)
     away[0] = np.sqrt(wanted)

@@ -20,8 +20,9 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import Frame, Mark
 from adhesion_can.errors import InputError
-from adhesion_can.reporting.export import Target, open_recording, parse_target
+from adhesion_can.reporting.export import open_recording
 from adhesion_can.reporting.export.messages import MessageRows
+from adhesion_can.reporting.export.target import Target, parse_target
 from tests.bus.test_decoder import by_cantools, databases, from_text, random_items, same_number
 from tests.reporting.test_export import DATABASE, ORIGIN, recorded, same
 

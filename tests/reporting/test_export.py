@@ -28,22 +28,17 @@ from adhesion_can.bus.decoder import Decoder
 from adhesion_can.bus.frame import Frame
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_extra
-from adhesion_can.reporting.export import (
+from adhesion_can.reporting.export import open_recording, open_table
+from adhesion_can.reporting.export.csv_file import time_texts
+from adhesion_can.reporting.export.layout import Field, FieldColumn, Group, GroupRows, Raw
+from adhesion_can.reporting.export.messages import MessageRows
+from adhesion_can.reporting.export.mf4_file import _conversion, _stored
+from adhesion_can.reporting.export.target import (
     SUFFIXES,
-    Field,
-    FieldColumn,
-    Group,
-    GroupRows,
-    Raw,
     file_target,
-    open_recording,
-    open_table,
     parse_target,
     require_format,
 )
-from adhesion_can.reporting.export.csv_file import time_texts
-from adhesion_can.reporting.export.messages import MessageRows
-from adhesion_can.reporting.export.mf4_file import _conversion, _stored
 
 DBC = """VERSION ""
 BU_: A
@@ -431,13 +426,13 @@ TABLE = [
 
 
 def table(path, parts):
-    with open_table(path, FIELDS, ORIGIN) as writer:
+    with open_table(path, FIELDS, ORIGIN) as write_rows:
         for part in parts:
             columns = [
                 FieldColumn(c.values[part], None if c.missing is None else c.missing[part])
                 for c in TABLE
             ]
-            writer.write(T_NS[part], columns)
+            write_rows(T_NS[part], columns)
     return path
 
 

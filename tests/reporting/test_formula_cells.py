@@ -12,7 +12,8 @@ from adhesion_can.cli.main import main
 from adhesion_can.formula_cells import quote_formula, unquote_formula
 from adhesion_can.recordings.tables.csv_file import heading_of, read_csv
 from adhesion_can.recordings.tables.text import read_head
-from adhesion_can.reporting.export import Field, FieldColumn, open_table
+from adhesion_can.reporting.export import open_table
+from adhesion_can.reporting.export.layout import Field, FieldColumn
 from tests.test_printable import log_file
 
 DANGEROUS = ("=cmd|'/C calc'!A0", "+1+1", "-1+1", "@SUM A1", "＝1+1", "'=1", "''@x")
@@ -45,10 +46,10 @@ def test_every_name_comes_back(cell):
 def written(path, names, *, keep=False):
     fields = tuple(Field(name) for name in ("slip", "adhesion", *names))
     texts = Field("text", np.dtype(np.uint8), names={0.0: "=1+1", 1.0: "-1.5"}, text=True)
-    with open_table(path, (*fields, texts), {}, keep_formulas=keep) as writer:
+    with open_table(path, (*fields, texts), {}, keep_formulas=keep) as write:
         numbers = [FieldColumn(np.array([-0.5, 0.25])) for _ in fields]
         codes = FieldColumn(np.array([0, 1], np.uint8))
-        writer.write(np.array([0, 10**9]), [*numbers, codes])
+        write(np.array([0, 10**9]), [*numbers, codes])
     return path
 
 

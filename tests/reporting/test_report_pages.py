@@ -110,7 +110,7 @@ def calibration_of_synthetic_coasting():
     noisy = Trace.from_readings(t_us, speed + 0.01 * rng.standard_normal(len(t_us)))
     drive = CoastingDrive(noisy, wheels, efforts)
     result = calibrate([drive], vehicle, settings)
-    plots = calibration_page.CoastingPlots.build([drive], ["d.log"], vehicle, settings, result)
+    plots = calibration_page.plot_drives([drive], ["d.log"], vehicle, settings, result)
     return calibration_page.page(result, plots, (), ["A note."], {"command": "none"})
 
 

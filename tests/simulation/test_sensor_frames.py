@@ -7,10 +7,12 @@ import pytest
 from scipy.stats import kstest
 
 from adhesion_can.bus.database import load_database
+from adhesion_can.physics.instruments import PERFECT
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.simulation.role_sensors import RoleSensors, packaged_messages
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import scenario_by_name
-from adhesion_can.simulation.sensors import PlantState, SensorNoiseSettings, SimulatedSensors
+from adhesion_can.simulation.sensors import PlantState, SensorNoiseSettings
 
 DATABASE = load_database()
 SILENT = SensorNoiseSettings(0.0, 0.0, 0.0, 0.0)
@@ -149,8 +151,12 @@ def state(omega, v, effort, load, gradient=0.0):
                       np.asarray(load, float), gradient)  # fmt: skip
 
 
+def sensors_of(noise, rng):
+    return RoleSensors(packaged_messages(DATABASE), noise, rng, PERFECT, Locomotive())
+
+
 def one_round(before, after=None, noise=SILENT, rng=None, until=2_000):
-    sensors = SimulatedSensors(DATABASE, noise, rng or np.random.default_rng(1))
+    sensors = sensors_of(noise, rng or np.random.default_rng(1))
     frames = sensors.due(after or before, before, 0, until)
     return {name: value for f in frames for name, value in decoded(f).items()}, frames
 
@@ -181,15 +187,19 @@ def test_a_frame_within_a_step_carries_the_state_of_its_stamp():
 
 
 def test_values_beyond_the_range_saturate_below_not_available():
-    values, frames = one_round(
-        state(np.full(6, 1e4), 1e4, [1e7, -1e7, 0, 0, 0, 0], np.full(6, 1e9))
-    )
+    sensors = sensors_of(SILENT, np.random.default_rng(1))
+    calm = state(np.full(6, 20.0), 12.0, np.full(6, 4e4), np.full(6, 2.4e5))
+    beyond = state(np.full(6, 1e4), 1e4, [1e7, -1e7, 0, 0, 0, 0], np.full(6, 1e9))
+    assert len(sensors.due(calm, calm, 0, 2_000)) == 9
+    assert sensors.saturation() == []
+    frames = sensors.due(beyond, calm, 2_000, 202_000)
+    values = {name: value for f in frames for name, value in decoded(f).items()}
     assert values["w1"] == 0xFFFE * 0.002
     assert values["v"] == 0xFFFE * 0.002
     assert values["f1"] == 0x7FFE * 10
     assert values["f2"] == -0x8000 * 10
     assert values["n1"] == 0xFFFE * 10
-    assert len(frames) == 9
+    assert any(line.startswith("axle_load.1 (AxleLoads1.") for line in sensors.saturation())
 
 
 def test_speeds_are_magnitudes_under_noise():
@@ -204,7 +214,7 @@ def test_speeds_are_magnitudes_under_noise():
 
 def test_noise_is_white_and_of_its_stated_size():
     noise = SensorNoiseSettings(0.05, 0.1, 2450.0, 800.0)
-    sensors = SimulatedSensors(DATABASE, noise, np.random.default_rng(4))
+    sensors = sensors_of(noise, np.random.default_rng(4))
     calm = state(np.full(6, 20.0), 12.0, np.full(6, 4e4), np.full(6, 2.4e5))
     seen = defaultdict(list)
     for k in range(20_000):

@@ -101,7 +101,8 @@ def write_way(path, dbc, out):
     from adhesion_can.bus.database import load_database
     from adhesion_can.cli.conversion import Conversion
     from adhesion_can.recordings.recording import Recording
-    from adhesion_can.reporting.export import open_recording, parse_target
+    from adhesion_can.reporting.export import open_recording
+    from adhesion_can.reporting.export.target import parse_target
 
     database = load_database(Path(dbc))
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:

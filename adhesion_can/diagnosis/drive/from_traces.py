@@ -16,6 +16,7 @@ from adhesion_can.diagnosis.drive.smoothing import (
     SPEED_WINDOWS_S,
     WHEEL_WINDOWS_S,
     SmoothedSignal,
+    available_readings,
     high_pass,
     integrate,
     is_covered,
@@ -115,7 +116,7 @@ def _smooth_axles(
             lost[f"axle {axle} without wheel speed or effort"] += 1
             continue
         signals.wheels[axle], signals.efforts[axle] = wheel_speed, smooth_effort
-        signals.effort_readings[axle] = _available_readings(effort, origin)
+        signals.effort_readings[axle] = available_readings(effort, origin)
     return signals
 
 
@@ -136,7 +137,7 @@ def _collect_signals(
     for axle in axles.wheels:
         load = traces.get((Role.AXLE_LOAD, axle))
         if load is not None and np.isfinite(load.value).mean() > LEAST_LOADS_AVAILABLE:
-            stamps, values = _available_readings(load, origin)
+            stamps, values = available_readings(load, origin)
             least = LEAST_LOAD_SHARE * vehicle.axle_load[axle - 1]
             loads[axle] = MeasuredLoad(stamps, values, values >= least)
     fast = {axle: high_pass(traces[Role.WHEEL_SPEED, axle], origin) for axle in axles.wheels}
@@ -145,12 +146,6 @@ def _collect_signals(
     return SmoothedSignals(
         axles.wheels, speed, loads, axles.efforts, vehicle, fast, direction, noise
     )
-
-
-def _available_readings(trace: Trace, origin: int) -> tuple[Array, Array]:
-    """Stamps, s, and values of the readings that are available."""
-    good = np.isfinite(trace.value)
-    return (trace.t_us[good] - origin) / 1e6, trace.value[good]
 
 
 def distance_behind_leading_axle(
@@ -210,7 +205,7 @@ def _interpolate_covariates(
         trace = traces.get(key)
         if trace is None:
             continue
-        stamps, values = _available_readings(trace, origin)
+        stamps, values = available_readings(trace, origin)
         available = np.isfinite(trace.value)
         if available.mean() < 1.0 - MOST_MISSING or len(stamps) < 2:
             lost[f"channel {name}"] += int((~available).sum())

@@ -89,6 +89,12 @@ class _LaggedImpulse(NamedTuple):
     speed: Array
 
 
+def available_readings(trace: Trace, origin_us: int) -> tuple[Array, Array]:
+    """Stamps since time 0, s, and values of the readings that are available."""
+    good = np.isfinite(trace.value)
+    return (trace.t_us[good] - origin_us) / 1e6, trace.value[good]
+
+
 def smooth_signal(
     trace: Trace,
     origin_us: int,
@@ -108,10 +114,9 @@ def smooth_signal(
         has_memory: Whether the signal's noise may last from reading to reading.
 
     """
-    good = np.isfinite(trace.value)
-    t = (trace.t_us[good] - origin_us) / 1e6
+    t, raw = available_readings(trace, origin_us)
     known_part = np.zeros(len(t)) if known is None else known
-    raw = trace.value[good] - known_part
+    raw = raw - known_part
     if len(t) < LEAST_READINGS:
         return None
     cycle = float(np.median(np.diff(t)))
@@ -238,8 +243,7 @@ def high_pass(trace: Trace, origin_us: int) -> list[tuple[Array, Array]]:
         Stamps, s, and values of each gap-free run.
 
     """
-    good = np.isfinite(trace.value)
-    t, value = (trace.t_us[good] - origin_us) / 1e6, trace.value[good]
+    t, value = available_readings(trace, origin_us)
     if len(t) < LEAST_READINGS:
         return []
     cycle = float(np.median(np.diff(t)))
@@ -283,8 +287,7 @@ def predict_speed_from_efforts(
         Predicted speed at the available readings, m/s, without its offset; None: too few readings.
 
     """
-    good = np.isfinite(trace.value)
-    t, v = (trace.t_us[good] - origin_us) / 1e6, trace.value[good]
+    t, v = available_readings(trace, origin_us)
     if len(t) < LEAST_READINGS or not efforts:
         return None
     step = max(round(1.0 / float(np.median(np.diff(t)))), 1)

@@ -173,25 +173,21 @@ def plan_drive(
     return NextDrive(names, plan, sentence, pairs)
 
 
-def needed_discrepancy(power: float = POWER, level: float = LEVEL) -> float:
-    """Discrepancy at which a one-sided test of two models' squares has a power.
+def needed_discrepancy() -> float:
+    """Discrepancy at which a one-sided test of two models' squares at `LEVEL` has `POWER`.
 
     With a discrepancy T the difference of the two sums of squares has the mean T and, with white
     noise of variance 1, the variance 4 T (Cox, J. R. Statist. Soc. B 24 (1962) 406-424).
 
-    Args:
-        power: Probability that the wrong one is refuted.
-        level: Level of the test.
-
     """
     normal = scipy.stats.norm
-    return float((2.0 * (normal.ppf(power) + normal.ppf(1.0 - level))) ** 2)
+    return float((2.0 * (normal.ppf(POWER) + normal.ppf(1.0 - LEVEL))) ** 2)
 
 
-def power_of(discrepancy: float, level: float = LEVEL) -> float:
-    """Probability that a rival at a discrepancy is refuted at a level."""
+def power_of(discrepancy: float) -> float:
+    """Probability that a rival at a discrepancy is refuted at `LEVEL`."""
     normal = scipy.stats.norm
-    return float(normal.cdf(np.sqrt(discrepancy) / 2.0 - normal.ppf(1.0 - level)))
+    return float(normal.cdf(np.sqrt(discrepancy) / 2.0 - normal.ppf(1.0 - LEVEL)))
 
 
 def _without(missed: Mapping[Pair, float], values: Mapping[Pair, Value]) -> dict[Pair, Value]:

@@ -109,14 +109,8 @@ def drop_refuted(findings: Findings) -> Findings:
         without = [trial.without for trial in trials]
         return _refute_all(findings, fitted, without, _describe_excess(findings))
     candidate = model.candidates[worst.place]
-    refuted = RefutedCause(
-        candidate.effect.id,
-        candidate.effect.form,
-        worst.place,
-        fitted,
-        worst.without,
-        reason.text,
-        worst.sizes,
+    refuted = RefutedCause.of(
+        candidate, worst.place, fitted, worst.without, reason.text, worst.sizes
     )
     smaller = replace(findings.without_effect(worst.place), refuted=(*findings.refuted, refuted))
     return drop_refuted(smaller)
@@ -210,16 +204,9 @@ def _refute_all(
         reason: Reason, a clause.
 
     """
+    sizes = findings.sizes_by_environment
     refuted = [
-        RefutedCause(
-            candidate.effect.id,
-            candidate.effect.form,
-            place,
-            fitted,
-            smaller,
-            reason,
-            findings.sizes_by_environment.get(candidate, ()),
-        )
+        RefutedCause.of(candidate, place, fitted, smaller, reason, sizes.get(candidate, ()))
         for place, (candidate, smaller) in enumerate(
             zip(fitted.model.candidates, without, strict=True)
         )
@@ -236,9 +223,8 @@ def add_implausible_effects(findings: Findings) -> Findings:
     regression = findings.regression.last_fit
     plain = fit_model(regression, findings.selection.plain.model).model
     refuted = [
-        RefutedCause(
-            scored.candidates[0].effect.id,
-            scored.candidates[0].effect.form,
+        RefutedCause.of(
+            scored.candidates[0],
             0,
             fit_model(regression, without_bounds(scored.model)),
             plain,

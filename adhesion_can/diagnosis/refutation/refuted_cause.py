@@ -1,8 +1,10 @@
 """A cause that helped and was refuted, with the reason in a sentence."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
+from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model
 from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 
@@ -29,3 +31,8 @@ class RefutedCause:
     without: Model
     reason: str
     sizes: tuple[SizesByEnvironment, ...] = ()
+
+    @classmethod
+    def of(cls, candidate: Candidate, *rest: Any) -> "RefutedCause":
+        """An effect as a refuted cause; `rest` has the other fields, from `place` on."""
+        return cls(candidate.effect.id, candidate.effect.form, *rest)

@@ -189,14 +189,14 @@ class PaperEstimator:
         return replace(current, mu_max_std=hypot(self._current_std, distance))
 
 
-def _is_structured(slip: Array, scaled: Array, threshold: float, groups: int = 4) -> bool:
+def _is_structured(slip: Array, scaled: Array, threshold: float) -> bool:
     """Whether innovations differ from zero by groups of neighbouring slips, beyond their scatter.
 
-    The mean square of the groups' means over the scatter within them (an F statistic): near 1 for
+    The mean square of four groups' means over the scatter within them (an F statistic): near 1 for
     noise of any size, near the number of samples of a group where the curve lies elsewhere. The
     common error of the vehicle speed lifts it to about the number of axles.
     """
-    parts = np.array_split(scaled[np.argsort(slip, kind="stable")], groups)
+    parts = np.array_split(scaled[np.argsort(slip, kind="stable")], 4)
     between = np.mean([len(part) * part.mean() ** 2 for part in parts])
     within = np.mean([part.var() for part in parts])
     return bool(between > threshold * max(within, 1e-12))

@@ -25,7 +25,7 @@ from adhesion_can.estimation.curves.fit import (
     standardised_residual,
 )
 from adhesion_can.estimation.curves.points import CurvePoints, correlation_factor
-from adhesion_can.estimation.curves.result import CommonErrors, CurveComparison, ScoredFit
+from adhesion_can.estimation.curves.result import CurveComparison, ScoredFit
 from adhesion_can.physics.burckhardt import SLIP_MAX
 from adhesion_can.physics.curves import FAMILIES, CurveFamily
 from adhesion_can.physics.samples import Samples
@@ -104,7 +104,6 @@ def compare_families(
     families: Sequence[CurveFamily] = tuple(FAMILIES.values()),
     *,
     slip_max: float = SLIP_MAX,
-    common: CommonErrors | None = None,
 ) -> CurveComparison | None:
     """Fit families to samples of one surface and compare them by held-out score.
 
@@ -112,7 +111,6 @@ def compare_families(
         samples: Samples in the order of their stamps, finite.
         families: Families to compare, at least one.
         slip_max: End of the range in which peaks are looked for, slip ratio.
-        common: Errors common to all samples; None: those of a vehicle that is not calibrated.
 
     Returns:
         Comparison; None for fewer samples than `LEAST_SAMPLES`.
@@ -167,7 +165,6 @@ def compare_families(
         mu_max_std=mu[1],
         lambda_m=lam[0],
         lambda_m_std=lam[1],
-        common=common or CommonErrors(),
         samples=len(samples),
         speed=float(np.mean(samples.speed)),
         held_out=plan.text,

@@ -7,21 +7,12 @@ from typing import Any
 from adhesion_can.estimation.curves.fit import FittedCurve
 from adhesion_can.result_text import HELD_OUT_RMSE, html_table, plus_minus
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommonErrors:
-    """Errors common to all samples, which no fit sees; they belong to the peak of the rail.
-
-    Attributes:
-        slip: Standard deviation of the error of all slip ratios: vehicle speed 0.3 %, wheel radius
-            0.25 %.
-        adhesion: Relative standard deviation of all adhesion coefficients: effort from motor
-            current and load of the axle, 2 % together.
-
-    """
-
-    slip: float = 0.004
-    adhesion: float = 0.02
+COMMON_SLIP = 0.004
+"""Standard deviation of the error that all slip ratios share: vehicle speed 0.3 %, wheel radius
+0.25 %. No fit sees it, and it belongs to the peak of the rail; likewise that of the adhesion."""
+COMMON_ADHESION = 0.02
+"""Relative standard deviation of the error that all adhesion coefficients share: effort from motor
+current and load of the axle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +63,6 @@ class CurveComparison:
         mu_max_std: Standard deviation of the pooled μ_max from the samples and the families.
         lambda_m: Pooled slip ratio of the peak.
         lambda_m_std: Standard deviation of the pooled λ_m from the samples and the families.
-        common: Errors common to all samples, which the standard deviations above do not hold.
         samples: Number of samples.
         speed: Vehicle speed at which the peaks are given, m/s.
         held_out: What was held out.
@@ -84,7 +74,6 @@ class CurveComparison:
     mu_max_std: float
     lambda_m: float
     lambda_m_std: float
-    common: CommonErrors
     samples: int
     speed: float
     held_out: str
@@ -93,8 +82,8 @@ class CurveComparison:
     def rail_std(self) -> tuple[float, float]:
         """Standard deviations of μ_max and λ_m of the rail: the common errors included."""
         return (
-            hypot(self.mu_max_std, self.common.adhesion * self.mu_max),
-            hypot(self.lambda_m_std, self.common.slip),
+            hypot(self.mu_max_std, COMMON_ADHESION * self.mu_max),
+            hypot(self.lambda_m_std, COMMON_SLIP),
         )
 
     @property
@@ -121,7 +110,7 @@ class CurveComparison:
                 "lambda_m": number(self.lambda_m, lambda_std, self.lambda_m_std),
                 "speed_mps": self.speed,
             },
-            "common_errors": {"slip": self.common.slip, "adhesion": self.common.adhesion},
+            "common_errors": {"slip": COMMON_SLIP, "adhesion": COMMON_ADHESION},
             "held_out": self.held_out,
             "samples": self.samples,
         }

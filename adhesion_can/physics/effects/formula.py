@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, isfinite
+from typing import ClassVar
 
 import numpy as np
 
@@ -68,6 +69,8 @@ class _Factor:
     parameters: tuple[Parameter, ...]
     kind: str = ""
     id: str = FORMULA
+    catalogue: ClassVar[Mapping[str, str]]
+    """Channels that are always there, by those of the catalogue; others are covariates."""
 
     def __post_init__(self) -> None:
         words = {name for name, is_quoted in self._parsed.names if not is_quoted}
@@ -117,6 +120,17 @@ class _Factor:
                 )
 
     @property
+    def observability(self) -> Observability:
+        """Residuals over the first channel."""
+        channel = self.catalogue.get(self.channels[0], self.channels[0])
+        return Observability(channel, channel_label(channel))
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Names of the covariates in the expression, in its order."""
+        return tuple(name for name in self.channels if name not in self.catalogue)
+
+    @property
     def form(self) -> str:
         """The expression."""
         return self.expression
@@ -145,6 +159,8 @@ class _Factor:
 class Formula(_Factor):
     """Factor of the adhesion by an expression over channels and constants."""
 
+    catalogue = CONTACT_CHANNELS
+
     @property
     def acts_on(self) -> str:
         """What the factor changes."""
@@ -160,17 +176,11 @@ class Formula(_Factor):
     def requires(self) -> Requirements:
         """Each channel of the expression."""
         return Requirements(
-            covariates=tuple(name for name in self.channels if name not in CONTACT_CHANNELS),
+            covariates=self.covariates,
             each_covariate=True,
             speed=any(name in {"speed", "creep_speed"} for name in self.channels),
             load="load" in self.channels,
         )
-
-    @property
-    def observability(self) -> Observability:
-        """Residuals over the first channel."""
-        channel = CONTACT_CHANNELS.get(self.channels[0], self.channels[0])
-        return Observability(channel, channel_label(channel))
 
     def change(self, contact: Contact, values: tuple[float, ...], lags: LagStates) -> Change:
         """Change of the contacts."""
@@ -189,6 +199,7 @@ class ReadingFormula(_Factor):
     """
 
     acts_on: str = "speed"
+    catalogue = SITUATION_CHANNELS
 
     @property
     def title(self) -> str:
@@ -200,19 +211,13 @@ class ReadingFormula(_Factor):
     def requires(self) -> Requirements:
         """Each channel of the expression."""
         return Requirements(
-            covariates=tuple(name for name in self.channels if name not in SITUATION_CHANNELS),
+            covariates=self.covariates,
             each_covariate=True,
             speed=self.acts_on == "speed" or "speed" in self.channels,
             load="load" in self.channels,
             all_efforts="total_effort" in self.channels,
             one_recording="time_s" in self.channels,
         )
-
-    @property
-    def observability(self) -> Observability:
-        """Residuals over the first channel."""
-        channel = SITUATION_CHANNELS.get(self.channels[0], self.channels[0])
-        return Observability(channel, channel_label(channel))
 
     def amend(self, instruments: Instruments, values: tuple[float, ...]) -> Instruments:
         """Instruments with this error in addition."""
@@ -247,7 +252,7 @@ class FormulaLaw:
     @property
     def covariates(self) -> tuple[str, ...]:
         """Names of the covariates in the expression."""
-        return self.formula.requires.covariates
+        return self.formula.covariates
 
     def error(self, situation: Situation, lags: LagStates) -> ReadingError:
         """Error of the readings."""

@@ -3,7 +3,7 @@
 A file appears whole or not at all, and takes the same memory however long it gets.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,44 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.errors import InputError
-from adhesion_can.reporting.export.layout import (
-    Field,
-    FieldColumn,
-    Frames,
-    Group,
-    GroupRows,
-    Raw,
-    Sink,
-)
+from adhesion_can.reporting.export.layout import Field, FieldColumn, Frames, Group, GroupRows, Sink
 from adhesion_can.reporting.export.target import (
-    FOLDER_FORMATS,
-    SUFFIXES,
     TABLE_SUFFIXES,
     Target,
     file_target,
-    parse_target,
     require_format,
 )
 
-__all__ = [
-    "FOLDER_FORMATS",
-    "SUFFIXES",
-    "TABLE_SUFFIXES",
-    "Field",
-    "FieldColumn",
-    "Frames",
-    "Group",
-    "GroupRows",
-    "Raw",
-    "TableWriter",
-    "Target",
-    "Writer",
-    "file_target",
-    "open_recording",
-    "open_table",
-    "parse_target",
-    "require_format",
-]
+WriteRows = Callable[[NDArray[np.int64], Sequence[FieldColumn]], None]
+"""Function that appends rows to a table: time stamps, ns, shape (n,), and the column of each field,
+shape (n,) each."""
 
 
 class Writer:
@@ -68,37 +41,13 @@ class Writer:
         self._sink.begin(t_ns)
 
     def write(self, rows: Sequence[GroupRows], frames: Frames | None = None) -> None:
-        """Append rows; `GroupRows.position` is their order.
-
-        Args:
-            rows: Rows of some groups.
-            frames: Frames behind the rows, for a format that keeps them.
-
-        """
+        """Append rows, as `Sink.write` defines it."""
         with _input_errors(self._path):
             self._sink.write(rows, frames)
 
     def problems(self) -> list[str]:
         """Sentences about what the file does not hold exactly; also after it was closed."""
         return self._sink.problems()
-
-
-class TableWriter:
-    """Writes the rows of one table."""
-
-    def __init__(self, writer: Writer, group: Group) -> None:
-        self._writer = writer
-        self._group = group
-
-    def write(self, t_ns: NDArray[np.int64], columns: Sequence[FieldColumn]) -> None:
-        """Append rows.
-
-        Args:
-            t_ns: Time stamps, ns, shape (n,).
-            columns: Column of each field, shape (n,) each.
-
-        """
-        self._writer.write([GroupRows(self._group, np.arange(len(t_ns)), t_ns, columns)])
 
 
 @contextmanager
@@ -134,19 +83,17 @@ def open_table(
     origin: Mapping[str, str],
     *,
     name: str = "table",
-    decimals: int = 6,
     keep_formulas: bool = False,
-) -> Iterator[TableWriter]:
-    """A file for the rows of one table: `time_s`, then its fields.
+) -> Iterator[WriteRows]:
+    """A file for the rows of one table: `time_s`, then its fields; gives what appends rows.
 
-    The time of MF4 counts from the first row.
+    The time of MF4 counts from the first row; that of CSV has six decimals.
 
     Args:
         path: Path of the file; its suffix selects the format.
         fields: Fields of the table beside the time.
         origin: Version, inputs and the like, by name; CSV has no place for them.
         name: Name of the table, where the format has one.
-        decimals: Number of decimals of `time_s` in CSV.
         keep_formulas: Whether CSV has names as they are even where a spreadsheet computes them.
 
     Raises:
@@ -157,11 +104,12 @@ def open_table(
     group = Group(name, tuple(fields))
     target = replace(file_target(path, "output", TABLE_SUFFIXES), keep_formulas=keep_formulas)
     with _input_errors(path):
-        sink: Sink = target.load_module().open_sink(
-            path, origin, (group,), decimals, **target.settings
-        )
+        sink: Sink = target.load_module().open_sink(path, origin, (group,), 6, **target.settings)
     with _closed(path, sink):
-        yield TableWriter(Writer(path, sink), group)
+        writer = Writer(path, sink)
+        yield lambda t_ns, columns: writer.write(
+            [GroupRows(group, np.arange(len(t_ns)), t_ns, columns)]
+        )
 
 
 @contextmanager

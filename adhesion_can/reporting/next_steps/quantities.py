@@ -81,26 +81,16 @@ def _wheel_radius(values: Values, configuration: Configuration) -> Meaning:
     return Meaning(text, f"wheel_radius_m = [{', '.join(f'{r:.4f}' for r in radii)}]{_VEHICLE}")
 
 
-def _speed_scale(values: Values, configuration: Configuration) -> Meaning:
-    choices = _choices(configuration, Role.VEHICLE_SPEED, 0)
-    return _scaled("The vehicle speed", values["error"], choices)
+def _scaled(what: str, name: str, role: Role) -> Describe:
+    """A reading that is high or low by a share, and the keys of its roles that correct it."""
 
+    def describe(values: Values, configuration: Configuration) -> Meaning:
+        axle = round(values["axle"].value) if "axle" in values else None
+        error, choices = values[name], _choices(configuration, role, axle)
+        text = f"{what.format(axle)} reads {_percent(error)} {_high(error)}."
+        return Meaning(text, _scaled_keys(choices, 1.0 / (1.0 + error.value)), in_roles=True)
 
-def _effort_gain_of_axle(values: Values, configuration: Configuration) -> Meaning:
-    axle = round(values["axle"].value)
-    choices = _choices(configuration, Role.TRACTIVE_EFFORT, axle)
-    return _scaled(f"The tractive effort of axle {axle}", values["gain"], choices)
-
-
-def _effort_gain_of_all(values: Values, configuration: Configuration) -> Meaning:
-    choices = _choices(configuration, Role.TRACTIVE_EFFORT)
-    return _scaled("The tractive effort of all axles", values["gain"], choices)
-
-
-def _scaled(what: str, error: ParameterValue, choices: Sequence[SignalChoice]) -> Meaning:
-    """A quantity that reads high or low by a share, and the keys of its roles that correct it."""
-    text = f"{what} reads {_percent(error)} {_high(error)}."
-    return Meaning(text, _scaled_keys(choices, 1.0 / (1.0 + error.value)), in_roles=True)
+    return describe
 
 
 def _scaled_keys(choices: Sequence[SignalChoice], ratio: float) -> str:
@@ -170,29 +160,15 @@ def _once_per_turn(values: Values, _: Configuration) -> Meaning:
     return Meaning(f"Axle {axle}'s wheel speed oscillates by {_percent(amplitude)} once per turn.")
 
 
-def _load_transfer(values: Values, _: Configuration) -> Meaning:
-    size = values["size"]
-    return Meaning(
-        f"The axle loads lack {_percent(size)} of the load transfer computed from effort and "
-        "geometry."
-    )
-
-
-def _friction_brake(values: Values, _: Configuration) -> Meaning:
-    share = _percent(values["share"])
-    return Meaning(
-        f"A friction brake takes {share} of the braking force, in addition to the effort."
-    )
-
-
 # ------------------------------------------------------------------------------------ contact
 
 
 def _per(name: str, sentence: str, factor: float = 1.0) -> Describe:
-    """A sentence with a share of the adhesion as percent, and 'more' or 'less'."""
+    """A sentence with a share as percent; of the adhesion with 'more' or 'less'."""
 
     def describe(values: Values, _: Configuration) -> Meaning:
-        return Meaning(sentence.format(_change(values[name], factor)))
+        share, way = _percent(values[name], factor), "less" if values[name].value < 0 else "more"
+        return Meaning(sentence.format(share, more=f"{share} {way}"))
 
     return describe
 
@@ -224,10 +200,6 @@ def _percent(value: ParameterValue, factor: float = 1.0) -> str:
     return f"{abs(100.0 * factor * value.value):.{digits}f} %"
 
 
-def _change(value: ParameterValue, factor: float) -> str:
-    return f"{_percent(value, factor)} {'less' if value.value < 0 else 'more'}"
-
-
 def _high(value: ParameterValue) -> str:
     return "low" if value.value < 0 else "high"
 
@@ -242,26 +214,31 @@ def _choices(
 
 _BY_FORM: Mapping[tuple[str, str], Describe] = {
     ("wheel_radius", ""): _wheel_radius,
-    ("speed_scale", ""): _speed_scale,
-    ("effort_gain", "axle"): _effort_gain_of_axle,
-    ("effort_gain", "all"): _effort_gain_of_all,
+    ("speed_scale", ""): _scaled("The vehicle speed", "error", Role.VEHICLE_SPEED),
+    ("effort_gain", "axle"): _scaled("The tractive effort of axle {}", "gain",
+                                     Role.TRACTIVE_EFFORT),
+    ("effort_gain", "all"): _scaled("The tractive effort of all axles", "gain",
+                                    Role.TRACTIVE_EFFORT),
     ("effort_bias", ""): _effort_bias,
     ("wheelset_inertia", ""): _wheelset_inertia,
     ("effort_delay", ""): _delay("The tractive effort comes"),
     ("speed_delay", ""): _delay("The vehicle speed comes"),
     ("wheel_speed_delay", ""): _delay("The wheel speeds come"),
     ("wheel_once_per_turn", ""): _once_per_turn,
-    ("load_transfer", "geometry"): _load_transfer,
-    ("brake_blending", "constant"): _friction_brake,
+    ("load_transfer", "geometry"): _per("size", "The axle loads lack {} of the load transfer "
+                                        "computed from effort and geometry."),
+    ("brake_blending", "constant"): _per("share", "A friction brake takes {} of the braking force, "
+                                         "in addition to the effort."),
     ("load_dependence", "burckhardt"): _load_squared,
     ("load_dependence", "power"): _load_power,
-    ("rail_cleaning", ""): _per("gain", "Each axle has {} adhesion than the axle ahead."),
-    ("sanding", ""): _per("gain", "Under sand there is {} adhesion."),
-    ("rain", "level"): _per("gain", "With each level of rain there is {} adhesion."),
-    ("humidity", ""): _per("slope", "For each % of humidity there is {} adhesion."),
-    ("rail_temperature", ""): _per("slope", "For each degree of the rail there is {} adhesion."),
-    ("slow_drift", ""): _per("rate", "Every minute there is {} adhesion.", 60.0),
-    ("traction_braking_asymmetry", ""): _per("gain", "In braking there is {} adhesion than in "
+    ("rail_cleaning", ""): _per("gain", "Each axle has {more} adhesion than the axle ahead."),
+    ("sanding", ""): _per("gain", "Under sand there is {more} adhesion."),
+    ("rain", "level"): _per("gain", "With each level of rain there is {more} adhesion."),
+    ("humidity", ""): _per("slope", "For each % of humidity there is {more} adhesion."),
+    ("rail_temperature", ""): _per("slope", "For each degree of the rail there is {more} "
+                                   "adhesion."),
+    ("slow_drift", ""): _per("rate", "Every minute there is {more} adhesion.", 60.0),
+    ("traction_braking_asymmetry", ""): _per("gain", "In braking there is {more} adhesion than in "
                                              "traction."),
 }  # fmt: skip
 """Sentence for each effect and form; the others keep title and parameters."""
