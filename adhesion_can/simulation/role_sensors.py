@@ -130,8 +130,13 @@ class RoleSensors:
             Role.TRACTIVE_EFFORT: noise.effort,
             Role.AXLE_LOAD: noise.load,
         }
-        self._sent: Counter[str] = Counter()
-        self._saturated: Counter[str] = Counter()
+        self._effort_bias: list[float] = np.broadcast_to(
+            instruments.effort_bias, vehicle.axles
+        ).tolist()
+        self._sent: Counter[tuple[str, str]] = Counter()
+        """Number of values sent by the names of message and signal."""
+        self._saturated: Counter[tuple[str, str]] = Counter()
+        """Number of those at an end of the signal's range."""
         sent = [message for message in messages if message.roles - {Role.CHANNEL}]
         self._transmitters = [RoleTransmitter(one, slot) for slot, one in enumerate(sent)]
 
@@ -177,7 +182,7 @@ class RoleSensors:
         for signal in transmitter.signals:
             # One force of several axles has shares that agree but for their noise.
             known = [value for value in given[signal.plan.name] if value is not None]
-            value = fmean(known) if known else None
+            value = fmean(known) if len(known) > 1 else next(iter(known), None)
             if value is not None or signal.plan.not_available is not None:
                 values[signal.plan.name] = value
         return {
@@ -188,9 +193,11 @@ class RoleSensors:
     def saturation(self) -> list[str]:
         """Sentences on the signals that stood at an end of their range, and for how long."""
         return [
-            f"{name}: at an end of its range in {100 * count / self._sent[name]:.1f} % of its "
-            "frames"
-            for name, count in self._saturated.items()
+            f"{signal.name} ({sender.name}.{signal.plan.name}): at an end of its range in "
+            f"{100 * count / self._sent[key]:.1f} % of its frames"
+            for sender in self._transmitters
+            for signal in sender.signals
+            if (count := self._saturated[key := (sender.name, signal.plan.name)])
         ]
 
     def _within(self, transmitter: RoleTransmitter, signal: BoundSignal, value: float) -> float:
@@ -200,12 +207,12 @@ class RoleSensors:
         """
         low, high = signal.plan.sendable
         sent = min(max(value, low), high)
-        name = f"{signal.name} ({transmitter.name}.{signal.plan.name})"
-        self._sent[name] += 1
+        key = (transmitter.name, signal.plan.name)
+        self._sent[key] += 1
         if sent != value:
-            self._saturated[name] += 1
+            self._saturated[key] += 1
             room = NOISE_ROOM * self._std.get(signal.role, 0.0) / abs(signal.scale)
-            if self._sent[name] == 1 and abs(sent - value) > room:
+            if self._sent[key] == 1 and abs(sent - value) > room:
                 raise InputError(
                     f"roles.{signal.name}",
                     f"{transmitter.name}.{signal.plan.name} would be {value:.6g}, beyond its range "
@@ -218,6 +225,8 @@ class RoleSensors:
         """Measured value of a role, SI; None where the locomotive has no such sensor."""
 
         def read(quantity: Quantity, column: Array) -> float:
+            if not self._errors.has(quantity):
+                return float(column[0])
             axles = np.array([float(signal.axle)]) if signal.axle else WHOLE_VEHICLE
             return float(self._errors.add(quantity, column, state, time_s, axles)[0])
 
@@ -231,9 +240,8 @@ class RoleSensors:
                 speed = (1.0 + instruments.speed_error) * true
                 return max(speed + self._draw(noise.vehicle_speed), 0.0)
             case Role.TRACTIVE_EFFORT:
-                bias = float(np.broadcast_to(instruments.effort_bias, state.effort.shape)[axle])
                 effort = read(Quantity.EFFORT, state.effort[axle : axle + 1])
-                return effort + bias + self._draw(noise.effort)
+                return effort + self._effort_bias[axle] + self._draw(noise.effort)
             case Role.AXLE_LOAD:
                 load = read(Quantity.LOAD, state.load[axle : axle + 1])
                 return load + self._draw(noise.load)

@@ -137,6 +137,10 @@ class SensorErrors:
         self._lags = LagStates()
         self._kinds = {law.quantity for law in self._laws}
 
+    def has(self, quantity: Quantity) -> bool:
+        """Whether readings of a quantity have errors."""
+        return quantity in self._kinds
+
     def add(
         self, quantity: Quantity, true: Array, state: PlantState, time_s: float, axles: Array
     ) -> Array:
@@ -150,8 +154,6 @@ class SensorErrors:
             axles: Number of each reading's axle; any one for a reading of the whole vehicle.
 
         """
-        if quantity not in self._kinds:
-            return true
         count, rows = len(axles), axles.astype(np.int64) - 1
         conditions = state.conditions.covariates(state.gradient)
         situation = Situation(
