@@ -1,7 +1,6 @@
 """A cause that helped and was refuted, with the reason in a sentence."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from adhesion_can.diagnosis.refutation.invariance import SizesByEnvironment
 from adhesion_can.diagnosis.regression.candidate import Candidate
@@ -33,6 +32,15 @@ class RefutedCause:
     sizes: tuple[SizesByEnvironment, ...] = ()
 
     @classmethod
-    def of(cls, candidate: Candidate, *rest: Any) -> "RefutedCause":
-        """An effect as a refuted cause; `rest` has the other fields, from `place` on."""
-        return cls(candidate.effect.id, candidate.effect.form, *rest)
+    def of(
+        cls,
+        candidate: Candidate,
+        place: int | None,
+        fitted: FittedModel,
+        without: Model,
+        reason: str,
+        sizes: tuple[SizesByEnvironment, ...] = (),
+    ) -> "RefutedCause":
+        """An effect as a refuted cause; the other arguments are its fields."""
+        effect = candidate.effect
+        return cls(effect.id, effect.form, place, fitted, without, reason, sizes)
