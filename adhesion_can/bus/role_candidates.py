@@ -38,7 +38,7 @@ def unused_signals(
     messages: Iterable[Message], guessed: GuessedRoles
 ) -> Iterator[tuple[Message, Signal]]:
     """Signals without a guess, in the order of the database."""
-    used = {guess.place for guess in guessed.all}
+    used = {guess.place for guess in guessed.guesses}
     for message in messages:
         for signal in message.signals:
             if f"{message.name}.{signal.name}" not in used:

@@ -78,8 +78,8 @@ class GuessedRoles:
         return tuple(rival for alike in self.rivals.values() for rival in alike)
 
     @property
-    def all(self) -> tuple[RoleGuess, ...]:
-        """Guesses that are taken, rivals or shared."""
+    def guesses(self) -> tuple[RoleGuess, ...]:
+        """All guesses: taken, rivals or shared."""
         return (*self.taken, *self.unclear, *self.shared)
 
     def shared_of(self, role: Role) -> tuple[RoleGuess, ...]:

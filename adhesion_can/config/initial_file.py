@@ -58,7 +58,7 @@ class InitialConfiguration:
     @property
     def absent(self) -> list[Role]:
         """Roles that no signal was found for, neither a clear one nor one of several."""
-        known = {guess.role for guess in self.guessed.all}
+        known = {guess.role for guess in self.guessed.guesses}
         return [role for role in Role if role not in known and role is not Role.CHANNEL]
 
     @property

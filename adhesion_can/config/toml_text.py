@@ -3,7 +3,7 @@
 import json
 from typing import TypeAlias
 
-Value: TypeAlias = "float | str | tuple[Value, ...]"
+TomlValue: TypeAlias = "float | str | tuple[TomlValue, ...]"
 """What a key of our files can have."""
 
 
@@ -13,7 +13,7 @@ def quoted(text: str) -> str:
     return json.dumps(valid, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def toml_value(value: Value) -> str:
+def toml_value(value: TomlValue) -> str:
     """A value as TOML has it, a number with all its digits."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(toml_value, value))}]"

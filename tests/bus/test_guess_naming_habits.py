@@ -141,4 +141,4 @@ def test_only_what_is_clear_is_taken(messages, taken, shared):
 
 def test_other_forces_and_motions_have_no_role():
     guessed = guess_roles(database(*OTHER_FORCES))
-    assert guessed.all == ()
+    assert guessed.guesses == ()

@@ -20,6 +20,8 @@ from adhesion_can.reporting.export.target import (
     require_format,
 )
 
+TIME_DECIMALS = 6
+"""Number of decimals of `time_s` in CSV."""
 WriteRows = Callable[[NDArray[np.int64], Sequence[FieldColumn]], None]
 """Function that appends rows to a table: time stamps, ns, shape (n,), and the column of each field,
 shape (n,) each."""
@@ -87,7 +89,7 @@ def open_table(
 ) -> Iterator[WriteRows]:
     """A file for the rows of one table: `time_s`, then its fields; gives what appends rows.
 
-    The time of MF4 counts from the first row; that of CSV has six decimals.
+    The time of MF4 counts from the first row; that of CSV has `TIME_DECIMALS`.
 
     Args:
         path: Path of the file; its suffix selects the format.
@@ -104,7 +106,9 @@ def open_table(
     group = Group(name, tuple(fields))
     target = replace(file_target(path, "output", TABLE_SUFFIXES), keep_formulas=keep_formulas)
     with _input_errors(path):
-        sink: Sink = target.load_module().open_sink(path, origin, (group,), 6, **target.settings)
+        sink: Sink = target.load_module().open_sink(
+            path, origin, (group,), TIME_DECIMALS, **target.settings
+        )
     with _closed(path, sink):
         writer = Writer(path, sink)
         yield lambda t_ns, columns: writer.write(
