@@ -76,6 +76,15 @@ COMMANDS: Mapping[str, Command] = {
             "control -i socketcan -c vcan0 --plan plan.toml",
         ),
     ),
+    "export": Command(
+        "live",
+        "service, locomotive or creep controller as an FMU for co-simulation",
+        ("the service, for the vehicle of a file", "export --fmu service s.fmu --config mine.toml"),
+        (
+            "a locomotive with a diagnosed cause, for Linux alone",
+            "export --fmu locomotive l.fmu --model model.toml --platform linux64",
+        ),
+    ),
     "check": Command(
         "recording",
         "whether a recording is usable",

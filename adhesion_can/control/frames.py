@@ -257,9 +257,7 @@ def build_follower(configuration: Configuration, plan: DrivingPlan) -> PlanFollo
         raise ConfigError(configuration.where, str(error), fix) from None
 
 
-def build_reference(
-    configuration: Configuration, cycle_s: float | None = None
-) -> CreepController:
+def build_reference(configuration: Configuration, cycle_s: float | None = None) -> CreepController:
     """The reference controller at a cycle.
 
     A slow cycle takes a smaller bandwidth than its settings state.

@@ -148,4 +148,6 @@ def _item(kind: type[Item], name: str, values: Values) -> Item:
         return kind(int(values[name]))
     except ValueError as error:
         numbers = ", ".join(str(one.value) for one in kind)
-        raise InputError(name, f"no item has the number {values[name]:g}", f"known: {numbers}") from error
+        raise InputError(
+            name, f"no item has the number {values[name]:g}", f"known: {numbers}"
+        ) from error

@@ -27,7 +27,7 @@ from adhesion_can.fmu.variables import (
 )
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.status import Status
-from adhesion_can.simulation.run import STEP_US, Simulation
+from adhesion_can.simulation.run import STEP_US
 from adhesion_can.simulation.scenarios import SCENARIOS
 
 SCENARIO = EnumerationType(
@@ -157,9 +157,7 @@ def _parameters() -> list[Variable]:
     return [
         scenario,
         Variable("duration", _PARAMETER, "time over which the surfaces are spread", "s", 60.0),
-        Variable(
-            "seed", _PARAMETER, "seed of the noise, 0 or more", "", 1.0, VariableType.INTEGER
-        ),
+        Variable("seed", _PARAMETER, "seed of the noise, 0 or more", "", 1.0, VariableType.INTEGER),
         *(
             Variable(name, _PARAMETER, meaning, "", 0.0, VariableType.BOOLEAN)
             for name, meaning in switches.items()

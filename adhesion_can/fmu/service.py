@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from adhesion_can.config import Configuration
-from adhesion_can.fmu.signals import SignalGroup, cycle_variable, group_signals, signal_variable
+from adhesion_can.fmu.signals import cycle_variable, group_signals, signal_variable
 from adhesion_can.fmu.slave import Cycle
 from adhesion_can.fmu.variables import (
     DOUBT,
@@ -91,10 +91,9 @@ class ServiceSlave:
 
     def setup(self, values: Values, start_us: int) -> Values:
         """Start with a fresh core, as `Slave.setup` defines it."""
-        self._cycles = {
-            group: Cycle(group.parameter, values[group.parameter], start_us)
-            for group in self._groups
-        }
+        self._cycles = [
+            Cycle(group.parameter, values[group.parameter], start_us) for group in self._groups
+        ]
         self._core = ReadingsCore(self._with_cycles())
         return self._outputs()
 
@@ -102,7 +101,7 @@ class ServiceSlave:
         """Feed the readings that are due and advance, as `Slave.step` defines it."""
         readings = [
             Reading(from_us, key.role, key.axle, known(values[self._names[key]]))
-            for group, cycle in self._cycles.items()
+            for group, cycle in zip(self._groups, self._cycles, strict=True)
             if cycle.is_due(from_us, until_us)
             for key in group.keys
         ]
@@ -115,7 +114,7 @@ class ServiceSlave:
         """The configuration with the cycles of the parameters."""
         cycles = {
             (group.message.plan.name, group.message.channel): cycle.cycle_us
-            for group, cycle in self._cycles.items()
+            for group, cycle in zip(self._groups, self._cycles, strict=True)
         }
         choices = tuple(
             replace(choice, cycle_us=cycles[choice.message, choice.channel])

@@ -117,9 +117,7 @@ def enumerated(
     name: str, causality: Causality, kind: EnumerationType, description: str, start: int
 ) -> Variable:
     """A variable whose values are the items of an enumeration."""
-    return Variable(
-        name, causality, description, "", float(start), VariableType.ENUMERATION, kind
-    )
+    return Variable(name, causality, description, "", float(start), VariableType.ENUMERATION, kind)
 
 
 def in_order(variables: Iterable[Variable]) -> tuple[Variable, ...]:
