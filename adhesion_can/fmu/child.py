@@ -5,10 +5,6 @@ them. It ends when its input is closed, thus with its host.
 """
 
 import os
-
-for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # read when the library is loaded, with the imports below
-
 import signal
 import sys
 import traceback
@@ -16,6 +12,13 @@ from array import array
 from pathlib import Path
 
 from adhesion_can.errors import AdhesionCanError
+from adhesion_can.recordings.python_can_mf4 import put_off_asammdf
+
+# Numerical libraries read this when they are imported: our matrices are small.
+for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+put_off_asammdf()  # no file is read here, and to import it takes longer than all else
+
 from adhesion_can.fmu.contents import read_contents
 from adhesion_can.fmu.session import PROTOCOL, Session, hello
 
