@@ -24,8 +24,6 @@ MEANINGS = {
     Role.VEHICLE_SPEED: "vehicle speed, 0 or more in both directions",
     Role.TRACTIVE_EFFORT: "effort at the wheel rim, positive along the direction of travel",
     Role.AXLE_LOAD: "load of the wheelset on the rail",
-    Role.SANDING: "whether sand is strewn, 1 or 0",
-    Role.RAIN: "rain: 0 none, 1 light, 2 heavy",
 }
 """Meaning of the roles that need more words than their label."""
 

@@ -63,7 +63,7 @@ def unpacked(fmus, tmp_path_factory):
 
 
 @pytest.fixture
-def host(unpacked, request):
+def host(unpacked):
     """Makes instances of an FMU in FMPy, and frees them; their messages are in `host.said`."""
     fmi2 = pytest.importorskip("fmpy.fmi2", reason="needs the extra 'test'")
     fmpy = pytest.importorskip("fmpy")

@@ -22,9 +22,7 @@ def config():
 def test_its_readings_are_those_of_the_frames_of_the_same_drive(config):
     drive = in_phase(config, 0.5, seed=3, scenario="wet")
     slave = LocomotiveSlave(config)
-    found = stepped(
-        slave, {}, 400_000, 10_000, scenario=NUMBERS["wet"], duration=0.5, seed=3.0
-    )
+    found = stepped(slave, {}, 400_000, 10_000, scenario=NUMBERS["wet"], duration=0.5, seed=3.0)
     latest, compared = {}, 0
     for t_us, frames in drive.items():
         latest |= readings_by_name(config, frames)

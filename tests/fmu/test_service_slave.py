@@ -83,7 +83,7 @@ def test_a_step_that_would_miss_readings_is_refused(config):
     slave = ServiceSlave(config)
     values = starts(slave)
     slave.setup(values, 0)
-    with pytest.raises(InputError, match="cycle_WheelSpeeds1.* misses readings"):
+    with pytest.raises(InputError, match=r"cycle_WheelSpeeds1.* misses readings"):
         slave.step(0, 20_000, values)
     values |= {name: 0.02 for name in values if name.startswith("cycle") and values[name] < 0.02}
     slave.setup(values, 0)
@@ -125,7 +125,8 @@ def test_inputs_are_those_that_have_a_role(config):
     ]
     slave = ServiceSlave(replace(config, choices=tuple(few)))
     names = [one.name for one in slave.variables]
-    assert [name for name in names if name.startswith("wheel")] == ["wheel_speed_1", "wheel_speed_2"]
+    wheels = [name for name in names if name.startswith("wheel")]
+    assert wheels == ["wheel_speed_1", "wheel_speed_2"]
     assert not {"axle_load_1", "rain", "direction"} & set(names)
     assert [name for name in names if name.startswith("mu_max_")] == [
         "mu_max_std", "mu_max_1", "mu_max_2",
