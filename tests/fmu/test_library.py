@@ -14,11 +14,12 @@ ROOT = Path(__file__).resolve().parents[2]
 FUNCTIONS = """
 GetTypesPlatform GetVersion SetDebugLogging Instantiate FreeInstance SetupExperiment
 EnterInitializationMode ExitInitializationMode Terminate Reset GetReal GetInteger GetBoolean
-GetString SetReal SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize
-SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives
+GetString SetReal SetInteger SetBoolean SetString GetFMUstate SetFMUstate FreeFMUstate
+SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative
+SetRealInputDerivatives
 GetRealOutputDerivatives DoStep CancelStep GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus
 GetStringStatus
-""".split()  # noqa: SIM905  as the specification lists them
+""".split()  # noqa: SIM905
 
 
 @pytest.fixture

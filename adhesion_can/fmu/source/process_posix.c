@@ -24,7 +24,13 @@
 #define MSG_NOSIGNAL 0 /* macOS has an option of the socket instead */
 #endif
 
+#ifdef __APPLE__
+#include <crt_externs.h>
+#define environ (*_NSGetEnviron()) /* a library of macOS has no environ */
+#else
 extern char **environ;
+#endif
+
 const char *const default_python = "python3";
 
 static double now(void) {
