@@ -20,7 +20,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 put_off_asammdf()  # no file is read here, and to import it takes longer than all else
 
 from adhesion_can.fmu.contents import read_contents
-from adhesion_can.fmu.session import PROTOCOL, Session, hello
+from adhesion_can.fmu.session import LONGEST_ERROR, PROTOCOL, Session, hello
 
 _NUMBER = array("d").itemsize
 
@@ -60,7 +60,7 @@ def serve(resources: Path, wire: Wire) -> int:
         contents, guid = read_contents(resources)
         slave = contents.make_slave()
     except (AdhesionCanError, OSError) as error:
-        text = str(error).encode()
+        text = str(error)[:LONGEST_ERROR].encode()
         wire.write(_packed([PROTOCOL, -1.0, float(len(text))]), text)
         return 2
     text = guid.encode()

@@ -15,6 +15,8 @@ PROTOCOL = 1.0
 """Number of this protocol."""
 SETUP, STEP = 1.0, 2.0
 """Commands."""
+LONGEST_ERROR = 900
+"""Number of letters of an error that the library has room for."""
 HEAD = 3
 """Numbers of a request before the values: command, time, step."""
 _TYPES, _CAUSALITIES = list(VariableType), list(Causality)
@@ -69,7 +71,7 @@ class Session:
 
     def failure(self, error: str) -> Answer:
         """Answer that reports an error."""
-        return Answer([nan] * len(self._outputs), error)
+        return Answer([nan] * len(self._outputs), error[:LONGEST_ERROR])
 
     def _carry_out(self, command: float, time_s: float, step_s: float, values: Values) -> Values:
         from_us = _to_us(time_s)

@@ -18,8 +18,8 @@ from adhesion_can.service.core import ServiceCore
 from tests.fmu.drives import coupled, starts, stepped
 
 CONFIG = """[vehicle]
-wheel_radius = [0.6, 0.6, 0.6, 0.6]
-axle_load = [2e5, 2e5, 2e5, 2e5]
+axles = 4
+wheel_radius_m = [0.6, 0.6, 0.6, 0.6]
 """
 pytestmark = pytest.mark.usefixtures("quick_compiler")
 

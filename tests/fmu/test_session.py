@@ -99,6 +99,11 @@ def test_a_step_that_does_not_follow_is_refused(time_s, step_s, said):
     assert answer.numbers[:2] == [1.0, float(len(answer.error.encode()))]
 
 
+def test_a_long_error_is_cut_to_the_room_of_the_library():
+    numbers = Session(Adder()).failure("\u00e4" * 5000).numbers
+    assert 1000 < numbers[1] < 4000
+
+
 def test_a_fault_of_an_input_is_an_answer():
     session = Session(Adder())
     session.answer([SETUP, 0.0, 0.0, 2.0, 15.0, 0.0])
