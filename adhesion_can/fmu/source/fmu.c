@@ -15,9 +15,10 @@
 #include <string.h>
 
 enum { PROTOCOL = 1, MOST_VARIABLES = 100000, MOST_TEXT = 4000, LONGEST_PATH = 3000 };
-enum { SETUP = 1, STEP = 2 };
-enum { REAL, INTEGER, BOOLEAN, ENUMERATION };
-enum { PARAMETER, INPUT, OUTPUT };
+enum { SET_UP = 1, STEP = 2 };
+/* Names that windows.h has not taken. */
+enum { A_REAL, AN_INTEGER, A_BOOLEAN, AN_ENUMERATION };
+enum { A_PARAMETER, AN_INPUT, AN_OUTPUT };
 enum { STARTING_S = 120, STEPPING_S = 60 };
 
 typedef enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED, BROKEN } State;
@@ -110,7 +111,7 @@ static int take_layout(Instance *one, double count, double seconds, char *why) {
     one->count = n;
     for (size_t i = 0; i < n; i++) {
         one->values[i] = one->rows[3 * i + 2];
-        if (one->rows[3 * i + 1] != OUTPUT) one->given = i + 1;
+        if (one->rows[3 * i + 1] != AN_OUTPUT) one->given = i + 1;
     }
     return 0;
 }
@@ -170,7 +171,7 @@ static fmi2Status exchange(Instance *one, double command, double time, double st
 
 static fmi2Status set_up(Instance *one) {
     if (one->is_set_up) return fmi2OK;
-    fmi2Status status = exchange(one, SETUP, one->start_time, 0.0);
+    fmi2Status status = exchange(one, SET_UP, one->start_time, 0.0);
     one->is_set_up = status == fmi2OK;
     return status;
 }
@@ -333,9 +334,9 @@ static fmi2Status set(Instance *one, const fmi2ValueReference *references, size_
         long place = place_of(one, references[i], type, other);
         if (place < 0) return fmi2Error;
         double causality = one->rows[3 * place + 1];
-        if (causality == OUTPUT)
+        if (causality == AN_OUTPUT)
             return report(one, fmi2Error, "value reference %ld is an output", place);
-        if (causality == PARAMETER && one->state == STEPPING)
+        if (causality == A_PARAMETER && one->state == STEPPING)
             return report(one, fmi2Error, "value reference %ld is a fixed parameter", place);
         one->values[place] = reals ? reals[i] : (double)integers[i];
         if (one->state != STEPPING) one->is_set_up = 0;
@@ -345,15 +346,15 @@ static fmi2Status set(Instance *one, const fmi2ValueReference *references, size_
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t n,
                               fmi2Real v[]) {
-    return get(c, r, n, REAL, REAL, v, NULL);
+    return get(c, r, n, A_REAL, A_REAL, v, NULL);
 }
 EXPORT fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                  fmi2Integer v[]) {
-    return get(c, r, n, INTEGER, ENUMERATION, NULL, v);
+    return get(c, r, n, AN_INTEGER, AN_ENUMERATION, NULL, v);
 }
 EXPORT fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                  fmi2Boolean v[]) {
-    return get(c, r, n, BOOLEAN, BOOLEAN, NULL, v);
+    return get(c, r, n, A_BOOLEAN, A_BOOLEAN, NULL, v);
 }
 EXPORT fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                 fmi2String v[]) {
@@ -362,15 +363,15 @@ EXPORT fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference r[], s
 }
 EXPORT fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n,
                               const fmi2Real v[]) {
-    return set(c, r, n, REAL, REAL, v, NULL);
+    return set(c, r, n, A_REAL, A_REAL, v, NULL);
 }
 EXPORT fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                  const fmi2Integer v[]) {
-    return set(c, r, n, INTEGER, ENUMERATION, NULL, v);
+    return set(c, r, n, AN_INTEGER, AN_ENUMERATION, NULL, v);
 }
 EXPORT fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                  const fmi2Boolean v[]) {
-    return set(c, r, n, BOOLEAN, BOOLEAN, NULL, v);
+    return set(c, r, n, A_BOOLEAN, A_BOOLEAN, NULL, v);
 }
 EXPORT fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], size_t n,
                                 const fmi2String v[]) {
