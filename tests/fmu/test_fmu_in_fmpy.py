@@ -1,7 +1,9 @@
 """The FMUs in a master that others wrote."""
 
 import re
+import shutil
 from math import isnan, nan
+from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
@@ -14,6 +16,7 @@ from adhesion_can.fmu.variables import Causality
 from tests.fmu.drives import coupled, in_phase, readings_by_name, stepped
 
 pytest.importorskip("fmpy", reason="needs the extra 'test'")
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -199,3 +202,25 @@ def test_an_archive_is_the_same_each_time_and_holds_what_it_was_made_of(fmus, tm
         assert archive.read("resources/database.dbc") == config.database.path.read_bytes()
         with ZipFile(fmus["service"]) as plain:
             assert archive.read("modelDescription.xml") != plain.read("modelDescription.xml")
+
+
+def test_the_python_of_the_guide_gives_what_the_slave_gives(fmus, tmp_path, monkeypatch, config):
+    guide = (ROOT / "docs" / "guides" / "fmu.md").read_text()
+    (code,) = (one for one in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "fmpy" in one)
+    drive = in_phase(config, 4.0, scenario="wet")
+    changes = {t_us: readings_by_name(config, frames) for t_us, frames in drive.items()}
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(fmus["service"], "service.fmu")
+    latest, lines = {}, []
+    for t_us in range(0, 4_000_001, 10_000):
+        latest |= changes.get(t_us, {})
+        lines.append(",".join(map(repr, (t_us / 1e6, *latest.values()))))
+    Path("signals.csv").write_text("\n".join([",".join(("time", *latest)), *lines]) + "\n")
+    names = {}
+    exec(compile(code, "fmu.md", "exec"), names)  # noqa: S102  as a reader would
+    expected = stepped(SLAVES["service"](config), changes, 4_000_000, 10_000)[4_000_000]
+    last = names["result"][-1]
+    assert last["status"] == expected["status"] == 1
+    # FMPy interpolates inputs between the rows, and so to the last digits of the time.
+    assert last["mu_max"] == pytest.approx(expected["mu_max"], rel=1e-9)
+    assert last["lambda_m"] == pytest.approx(expected["lambda_m"], rel=1e-9)
