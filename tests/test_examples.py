@@ -58,6 +58,14 @@ def test_diagnose(tmp_path):
     assert after < 0.8 * before
 
 
+def test_fmu(tmp_path):
+    pytest.importorskip("fmpy", reason="the example needs the extra 'test'")
+    out = run_example("fmu.py", 3, tmp_path)
+    assert "service.fmu: service for " in out
+    assert 0.05 < float(re.search(r"mean adhesion used ([\d.]+)", out)[1]) < 0.4
+    assert 0.0 < float(re.search(r"TRACKING ([\d.]+) %", out)[1]) < 100.0
+
+
 def test_own_database(tmp_path):
     out = run_example("own_database.py", 12, tmp_path)
     assert "verdict: usable" in out

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
@@ -44,6 +45,9 @@ def test_a_wheel_that_is_built_twice_is_the_same(tmp_path, monkeypatch):
             os.umask(before)
         hashes.add(hashlib.sha256((tmp_path / wheel).read_bytes()).hexdigest())
     assert len(hashes) == 1
+    with ZipFile(tmp_path / wheel) as archive:  # `export` compiles the library of FMUs
+        sources = {path.name for path in (ROOT / "adhesion_can" / "fmu" / "source").iterdir()}
+        assert {f"adhesion_can/fmu/source/{name}" for name in sources} <= set(archive.namelist())
 
 
 @pytest.mark.skipif(shutil.which("hadolint") is None, reason="hadolint is not here")

@@ -8,7 +8,7 @@ from typing import Any
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.bus.frame import Frame
-from adhesion_can.bus.roles import packaged_choices
+from adhesion_can.bus.roles import BoundMessage, packaged_choices
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.plan_file import read_plan
 from adhesion_can.control.frames import ControllerOnBus, build_follower
@@ -24,8 +24,10 @@ from adhesion_can.result_text import html_table
 from adhesion_can.simulation.effect_option import parse_effects
 from adhesion_can.simulation.own_vehicle import drive_of, noise_of, scenario_of
 from adhesion_can.simulation.refusals import require_simulable
+from adhesion_can.simulation.role_sensors import packaged_messages
 from adhesion_can.simulation.run import RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
+from adhesion_can.simulation.sensors import SLOT_US
 
 DURATION_S = 60.0
 """Simulated time where none is given, s."""
@@ -116,8 +118,15 @@ def simulate(
     return SimulatedDrive(frames, simulation.truth())
 
 
-def make_simulation(settings: RunSettings, config: Configuration) -> Simulation:
+def make_simulation(
+    settings: RunSettings, config: Configuration, slot_us: int = SLOT_US
+) -> Simulation:
     """A simulation that writes the configured database, by the roles of its signals.
+
+    Args:
+        settings: Settings of the run.
+        config: Database and roles.
+        slot_us: Time from one message's first frame to that of the next, µs; 0: they are in phase.
 
     Raises:
         ConfigError: Several axles share an effort, or a signal without a factor of each, or a
@@ -126,10 +135,19 @@ def make_simulation(settings: RunSettings, config: Configuration) -> Simulation:
 
     """
     config.require_distinct_signals()
-    is_packaged = set(config.choices) <= set(packaged_choices())
-    messages = None if is_packaged else config.messages
-    require_simulable(config.choices, messages or (), config.where)
-    return Simulation(settings, config.database, messages=messages)
+    own = () if _is_packaged(config) else config.messages
+    require_simulable(config.choices, own, config.where)
+    return Simulation(settings, config.database, messages=sent_messages(config), slot_us=slot_us)
+
+
+def sent_messages(config: Configuration) -> tuple[BoundMessage, ...]:
+    """Messages that the simulated locomotive sends, in the order of the bus."""
+    return packaged_messages(config.database) if _is_packaged(config) else config.messages
+
+
+def _is_packaged(config: Configuration) -> bool:
+    """Whether all signals are those of the packaged message set."""
+    return set(config.choices) <= set(packaged_choices())
 
 
 def build_run_settings(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 GROUPS: Mapping[str, str] = {
-    "live": "on a bus",
+    "live": "on a bus, or in another tool",
     "recording": "on recordings and tables",
     "criticism": "what data say about the simulation",
     "set-up": "vehicle, database and shell",
@@ -74,6 +74,15 @@ COMMANDS: Mapping[str, Command] = {
         (
             "drive the plan of 'diagnose --next-drive'",
             "control -i socketcan -c vcan0 --plan plan.toml",
+        ),
+    ),
+    "export": Command(
+        "live",
+        "service, locomotive or controller as an FMU",
+        ("the service, for the vehicle of a file", "export --fmu service s.fmu --config mine.toml"),
+        (
+            "a locomotive with a diagnosed cause, for Linux alone",
+            "export --fmu locomotive l.fmu --model model.toml --platform linux64",
         ),
     ),
     "check": Command(

@@ -257,20 +257,22 @@ def build_follower(configuration: Configuration, plan: DrivingPlan) -> PlanFollo
         raise ConfigError(configuration.where, str(error), fix) from None
 
 
-def build_reference(configuration: Configuration) -> CreepController:
-    """The reference controller at the cycle of the configured wheel speeds.
+def build_reference(configuration: Configuration, cycle_s: float | None = None) -> CreepController:
+    """The reference controller at a cycle.
 
     A slow cycle takes a smaller bandwidth than its settings state.
 
     Args:
         configuration: Database, roles and vehicle.
+        cycle_s: Time from one step to the next, s; None: the cycle of the configured wheel speeds.
 
     Raises:
         ConfigError: A wheel speed or the vehicle speed has no role, its cycle is unknown, or the
             vehicle cannot be controlled.
 
     """
-    cycle_s = find_cycle_us(configuration) / 1e6
+    if cycle_s is None:
+        cycle_s = find_cycle_us(configuration) / 1e6
     try:
         return CreepController(configuration.vehicle, _at_cycle(ControlSettings(), cycle_s))
     except ValueError as error:

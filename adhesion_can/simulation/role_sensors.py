@@ -47,11 +47,11 @@ class RoleTransmitter:
 
     Args:
         message: Message with the roles of its signals.
-        slot: Place in the order of the bus, from 0: the phase of the message.
+        first_us: Time of its first frame, µs: the phase of the message.
 
     """
 
-    def __init__(self, message: BoundMessage, slot: int) -> None:
+    def __init__(self, message: BoundMessage, first_us: int) -> None:
         plan = message.plan
         for signal in message.signals:
             if plan.multiplexed.get(signal.plan.name):
@@ -69,7 +69,7 @@ class RoleTransmitter:
             )
         self.name = plan.name
         self.signals = message.signals
-        self.due_us = slot * SLOT_US
+        self.due_us = first_us
         self._message = message
         self._cycle_us = message.cycle_us
         self._count = 0
@@ -102,6 +102,7 @@ class RoleSensors:
         rng: Generator of the noise.
         instruments: Errors of the sensors beside the noise.
         vehicle: Configured vehicle, on which some errors depend.
+        slot_us: Time from one message's first frame to that of the next, µs; 0: they are in phase.
 
     Raises:
         InputError: A signal is multiplexed, or the cycle of a message is unknown.
@@ -115,6 +116,7 @@ class RoleSensors:
         rng: np.random.Generator,
         instruments: Instruments,
         vehicle: Locomotive,
+        slot_us: int = SLOT_US,
     ) -> None:
         self._noise = noise
         self._rng = rng
@@ -138,7 +140,7 @@ class RoleSensors:
         self._saturated: Counter[tuple[str, str]] = Counter()
         """Number of those at an end of the signal's range."""
         sent = [message for message in messages if message.roles - {Role.CHANNEL}]
-        self._transmitters = [RoleTransmitter(one, slot) for slot, one in enumerate(sent)]
+        self._transmitters = [RoleTransmitter(one, slot * slot_us) for slot, one in enumerate(sent)]
 
     def due(
         self, after: PlantState, before: PlantState, from_us: int, until_us: int

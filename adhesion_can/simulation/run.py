@@ -1,6 +1,6 @@
 """A simulated run: plant, drive, track and sensors stepped together, frames out."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import nan
 from typing import Any
@@ -32,7 +32,7 @@ from adhesion_can.simulation.drive import Drive, DriveSettings
 from adhesion_can.simulation.plant import SLOWEST, Plant, Rails, Track
 from adhesion_can.simulation.role_sensors import RoleSensors, packaged_messages
 from adhesion_can.simulation.scenarios import Scenario
-from adhesion_can.simulation.sensors import PlantState, SensorNoiseSettings
+from adhesion_can.simulation.sensors import SLOT_US, PlantState, SensorNoiseSettings
 
 STEP_US = 2000
 
@@ -86,6 +86,7 @@ class Simulation:
         messages: Input messages with the roles of their signals; None: the packaged ones, looked
             up in the database by name.
         rails: Curves under the axles in place of the scenario's surfaces, and of their family.
+        slot_us: Time from one message's first frame to that of the next, µs; 0: they are in phase.
 
     """
 
@@ -95,6 +96,7 @@ class Simulation:
         database: CanDatabase,
         rails: Rails | None = None,
         messages: Sequence[BoundMessage] | None = None,
+        slot_us: int = SLOT_US,
     ) -> None:
         self.settings = settings
         scenario, instruments = settings.scenario, build_instruments(settings.effects)
@@ -121,7 +123,9 @@ class Simulation:
         self._drive = Drive(vehicle.axles, settings.drive, scenario.pattern, settings.obey)
         rng = np.random.default_rng(settings.seed)
         sent = packaged_messages(database) if messages is None else messages
-        self._sensors = RoleSensors(sent, settings.noise, rng, instruments, settings.vehicle)
+        self._sensors = RoleSensors(
+            sent, settings.noise, rng, instruments, settings.vehicle, slot_us
+        )
         answers = database_with(OUTPUT_MESSAGES, database)
         demands = database_with(DEMAND_MESSAGES, database)
         self._setpoint = MessagePlan(answers.message("AdhesionSetpoint"))
@@ -157,9 +161,14 @@ class Simulation:
         self._latest = self._state()
         return self._sensors.due(self._latest, before, start_us, self.now_us)
 
+    def first_frames(self) -> list[Frame]:
+        """Frames that are due at the start, before the first step."""
+        state = self._state()
+        return self._sensors.due(state, state, 0, 0)
+
     def await_demands(self) -> None:
         """Give no effort until a controller demands some: the drive does not probe by itself."""
-        self._drive.demand_efforts(self.now_us / 1e6, {})
+        self.demand_efforts({})
 
     def receive(self, frame: Frame) -> None:
         """Process a frame from the bus: setpoints and demands are for the drive, others ignored."""
@@ -175,11 +184,29 @@ class Simulation:
         payload = frame.data[: plan.size]
         creep, status = plan.signals["CreepSpeedSetpoint"], plan.signals["Status"]
         raw = _raw(creep, payload)
-        self._drive.update_command(
-            self.now_us / 1e6,
+        self.take_setpoint(
             known=_raw(status, payload) == Status.TRACKING,
             creep_speed=None if raw == creep.not_available else creep.value(raw),
         )
+
+    def take_setpoint(self, *, known: bool, creep_speed: float | None) -> None:
+        """Give the drive a setpoint of the service; a drive that does not obey goes on probing.
+
+        Args:
+            known: Whether the service is in TRACKING.
+            creep_speed: Creep speed setpoint, m/s; None: not available.
+
+        """
+        self._drive.update_command(self.now_us / 1e6, known=known, creep_speed=creep_speed)
+
+    def demand_efforts(self, efforts: Mapping[int, float]) -> None:
+        """Give the motors efforts in place of the drive's own control, from now on.
+
+        Args:
+            efforts: Efforts at the rim by axle number, N; NaN: none is demanded.
+
+        """
+        self._drive.demand_efforts(self.now_us / 1e6, efforts)
 
     def _follow(self, demand: SignalValues | Rejection) -> None:
         """Give a message's efforts to the drive; rejected frames are as if they had not come."""
@@ -191,7 +218,7 @@ class Simulation:
             for axle in range(1, self.settings.vehicle.axles + 1)
             if (name := f"EffortDemand_Ax{axle}") in demand
         }
-        self._drive.demand_efforts(self.now_us / 1e6, efforts)
+        self.demand_efforts(efforts)
         if SAND_DEMAND in demand:
             # Without a demand it is as the surroundings have it.
             self.plant.sanding = True if demand[SAND_DEMAND] else None
