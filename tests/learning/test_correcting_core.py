@@ -101,8 +101,9 @@ def test_the_same_changes_give_the_same_bytes_however_it_is_driven(changes):
 
 
 def test_the_plain_estimator_comes_back_at_once_and_vouches_for_nothing():
-    noted = Noted((1.0, model_of(-0.01)), (4.0, None))
-    assert noted.taken[-1] == (4.0, None)
+    noted = Noted((4.0, None), configuration=replace(CONFIG, model=model_of(-0.01)))
+    assert noted.taken == [(4.0, None)]
+    assert noted.statuses[3.98] is Status.TRACKING
     fresh = [status for t_s, status in noted.statuses.items() if 4.0 <= t_s < 4.1]
     assert Status.TRACKING not in fresh
     assert noted.core.model is None
@@ -132,7 +133,7 @@ def test_beside_one_that_vouches_for_nothing_it_takes_over_when_it_is_warm():
     while not seconds and t_us < still[-1].t_us + 2 * WARM_US:
         t_us += 20_000
         core.advance(t_us)
-    assert seconds and abs(seconds[0] - WARM_US / 1e6) < 0.05
+    assert seconds == [pytest.approx(WARM_US / 1e6, abs=0.05)]
 
 
 def test_after_a_hole_the_model_takes_over():

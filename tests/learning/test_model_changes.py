@@ -54,11 +54,10 @@ def test_a_damaged_line_is_an_error_or_the_same_model(data):
         st.sampled_from([line[:place], line[:place] + b"!" + line[place + 1 :], line + b" more"])
     )
     try:
-        found = list(read_model_changes([damaged], "a.log"))
+        found = [content(one) for one in read_model_changes([damaged], "a.log")]
     except (RecordingError, ConfigError) as error:
-        assert "a.log" in str(error)
-    else:
-        assert [content(one) for one in found] == [content(ModelChange(5_000_000, model_of()))]
+        found = str(error)
+    assert found == [content(ModelChange(5_000_000, model_of()))] or "a.log" in found
 
 
 @pytest.mark.parametrize("line", [b"# adhesion", b"# a comment\n", b"(1.0) a 123#00\n", b""])
