@@ -24,6 +24,7 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.next_step import typed_words
 from adhesion_can.cli.outputs import add_file, add_json, require_candump_name, require_outputs
 from adhesion_can.cli.reading import reading
+from adhesion_can.cli.replayed_models import ReplayedModels
 from adhesion_can.cli.reports import Result, add_report, is_asked_for
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
@@ -90,9 +91,9 @@ def run(options: argparse.Namespace) -> int:
     _require_span(options)
     config = configuration(options)
     require_outputs(options, [*options.log, config.database.path])
-    make = partial(config.make_estimator, options.estimator)
-    make()  # an unknown name is an error before the work, not after it
+    config.find_estimator(options.estimator)  # an unknown name is an error before the work
     recordings = open_recordings(options.log)
+    models = ReplayedModels(recordings)
     origin = provenance(config, options.log)
     slip_max = config.estimators.identifiability.slip_max
     recorder, has_page = DriveRecorder(slip_max), is_asked_for(options)
@@ -121,18 +122,18 @@ def run(options: argparse.Namespace) -> int:
         watched = stack.enter_context(reading("replaying", recordings))
         where = ", ".join(map(str, options.log))
         span = {"from_s": options.from_s, "to_s": options.to_s}
-        core = ServiceCore(
+        core = models.make_core(
             config,
-            make,
+            options.estimator,
             on_setpoint=partial(tell_all, of_setpoints),
             on_samples=partial(tell_all, of_samples),
             on_readings=recorder.add_readings if has_page else None,
         )
         read = watched(blocks_in_sequence(recordings, config.service.restart_s))
         blocks = channel.watch(seen.watch(in_seconds(read, config.messages, where)))
-        if options.realtime:
+        if options.realtime or not models.is_fixed:
             items = chain.from_iterable(block.items() for block in blocks)
-            summary = replay(items, core, send, **span, realtime=True)
+            summary = replay(items, core, send, **span, realtime=options.realtime)
         else:
             summary = replay_blocks(blocks, core, send, **span)
         for recording in recordings:
@@ -143,6 +144,7 @@ def run(options: argparse.Namespace) -> int:
     samples = core.counts.samples
     require_fit(core.receiver, summary.frames, seen, config, where, samples=samples)
     problems = describe_problems(recordings)
+    changed = list(models.sentences(summary.first_us or 0))
     misfit = collector.compute()
     fit = _describe_fit(misfit, config)
     step = after_replay(
@@ -154,13 +156,13 @@ def run(options: argparse.Namespace) -> int:
     )
 
     def build_page(said: dict[str, str]) -> Page:
-        about = replay_texts(summary, core, problems, [fit], said)
+        about = replay_texts(summary, core, problems, [fit, *changed], said)
         return page(recorder.result(), about, config)
 
     Result(
-        document=_document(summary, core, setpoints, problems, misfit),
+        document=_document(summary, core, setpoints, problems, misfit) | models.to_dict(),
         origin=origin,
-        parts=chain(_parts(summary, core, setpoints, problems), [fit]),
+        parts=chain(_parts(summary, core, setpoints, problems), [fit, *changed]),
         step=step,
         page=build_page,
     ).deliver(options)

@@ -11,7 +11,9 @@
 """
 
 import re
+import tomllib
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -84,8 +86,26 @@ def read_model(path: Path) -> ExtendedModel:
         ConfigError: The file cannot be read, or has unknown keys or wrong values.
 
     """
-    document, sha256 = load_toml(path)
-    return replace(_model(document, path.name), where=str(path), sha256=sha256)
+    document, digest = load_toml(path)
+    return replace(_model(document, path.name), where=str(path), sha256=digest)
+
+
+def parse_model(text: str, where: str) -> ExtendedModel:
+    """Extended model from the text of its file.
+
+    Args:
+        text: Text that `model_text` made.
+        where: Place of the text, for errors.
+
+    Raises:
+        ConfigError: It is not TOML, or has unknown keys or wrong values.
+
+    """
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(where, f"not TOML ({error})", "correct the line that is named") from error
+    return replace(_model(document, where), where=where, sha256=sha256(text.encode()).hexdigest())
 
 
 def _model(document: dict[str, Any], where: str) -> ExtendedModel:

@@ -165,6 +165,12 @@ class Recording:
             yield from self.python_can_blocks()
         self.position = self.size
 
+    def comments(self) -> Iterator[bytes]:
+        """Lines of candump text that begin with '#'; other formats have none."""
+        if self._format == CANDUMP:
+            with self._source(ReadReport()) as source:
+                yield from (line for line in source.lines() if line.startswith(b"#"))
+
     def _source(self, report: ReadReport) -> TextSource:
         return TextSource(self.path, self._packing, report)
 

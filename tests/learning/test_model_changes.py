@@ -1,0 +1,65 @@
+"""Lines in a service's log that tell to which model it changed."""
+
+import can
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adhesion_can.errors import ConfigError, RecordingError
+from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.learning.model_changes import ModelChange, read_model_changes
+from adhesion_can.physics.effects import ActiveEffect, effect_by_id
+from adhesion_can.recordings.candump import read_line
+from adhesion_can.recordings.recording import Recording
+
+SIZES = st.floats(-0.02, 0.02, allow_subnormal=False)
+TIMES = st.integers(0, 10**15)
+
+
+def model_of(size=0.01, variance=1e-8):
+    effect = ActiveEffect(effect_by_id("speed_scale"), (size,))
+    return ExtendedModel((0.3, 60.0, 0.3), effects=(effect,), covariances=(((variance,),),))
+
+
+def content(change):
+    model = change.model
+    told = None if model is None else (model.base, model.effects, model.covariances)
+    return change.t_us, told
+
+
+@given(TIMES, st.none() | SIZES.map(model_of))
+def test_a_change_is_read_as_it_was_written(t_us, model):
+    change = ModelChange(t_us, model)
+    (found,) = read_model_changes([change.to_line().encode()], "a.log")
+    assert content(found) == content(change)
+
+
+def test_other_readers_pass_over_the_line(tmp_path):
+    line = ModelChange(1_700_000_000_123_456, model_of()).to_line()
+    assert read_line(line.encode()) == "comment"
+    path = tmp_path / "a.log"
+    path.write_text(f"(1.000000) vcan0 123#00\n{line}(2.000000) vcan0 123#01\n")
+    messages = list(can.LogReader(path))
+    assert [m.timestamp for m in messages if m.data] == [1.0, 2.0]
+    assert [frame.t_us for frame in Recording(path)] == [1_000_000, 2_000_000]
+    assert len(list(read_model_changes(Recording(path).comments(), "a.log"))) == 1
+
+
+@settings(max_examples=200)
+@given(st.data())
+def test_a_damaged_line_is_an_error_or_the_same_model(data):
+    line = ModelChange(5_000_000, model_of()).to_line().encode().rstrip()
+    place = data.draw(st.integers(len(b"#5.000000# adhesion-can-model:"), len(line) - 1))
+    damaged = data.draw(
+        st.sampled_from([line[:place], line[:place] + b"!" + line[place + 1 :], line + b" more"])
+    )
+    try:
+        found = [content(one) for one in read_model_changes([damaged], "a.log")]
+    except (RecordingError, ConfigError) as error:
+        found = str(error)
+    assert found == [content(ModelChange(5_000_000, model_of()))] or "a.log" in found
+
+
+@pytest.mark.parametrize("line", [b"# adhesion", b"# a comment\n", b"(1.0) a 123#00\n", b""])
+def test_other_comments_are_no_changes(line):
+    assert list(read_model_changes([line], "a.log")) == []
