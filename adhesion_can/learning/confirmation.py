@@ -45,8 +45,9 @@ class BettingTest:
         """Settle the bets on one span."""
         self.spans += 1
         self.won += is_better
-        self.better *= 1.0 + BET if is_better else 1.0 - BET
-        self.worse *= 1.0 - BET if is_better else 1.0 + BET
+        # Who has proven the point goes home: after hours the wealth would be no number any more.
+        self.better = min(self.better * (1.0 + BET if is_better else 1.0 - BET), PROVEN**2)
+        self.worse = min(self.worse * (1.0 - BET if is_better else 1.0 + BET), PROVEN**2)
 
 
 class ModelConfirmation:

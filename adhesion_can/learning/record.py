@@ -1,5 +1,6 @@
 """A bounded rolling record of the service's readings, in columns."""
 
+from collections.abc import Iterable
 from math import inf
 
 import numpy as np
@@ -14,6 +15,17 @@ MOST_READINGS = 100_000
 """Largest number of readings of one signal that are kept: 480 s at 200 Hz. Signals that come more
 often shorten the record, not the memory of the machine."""
 _FIRST_CAPACITY = 1024
+
+
+def join_readings(parts: Iterable[Readings]) -> Readings:
+    """Readings of several blocks, one behind the other."""
+    columns: dict[Signal, tuple[list[NDArray[np.int64]], list[Array]]] = {}
+    for part in parts:
+        for key, (stamps, values) in part.items():
+            own = columns.setdefault(key, ([], []))
+            own[0].append(stamps)
+            own[1].append(values)
+    return {key: (np.concatenate(s), np.concatenate(v)) for key, (s, v) in columns.items()}
 
 
 class _SignalColumn:
