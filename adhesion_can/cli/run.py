@@ -31,6 +31,12 @@ from adhesion_can.cli.outputs import (
     talk,
     write_json,
 )
+from adhesion_can.cli.run_learning import (
+    RunLearning,
+    add_learning,
+    learning_metrics,
+    start_learning,
+)
 from adhesion_can.cli.silence import SilenceWatch, bus_name, name_inputs, nothing_received
 from adhesion_can.cli.stderr_behind import stderr_behind
 from adhesion_can.config import Configuration
@@ -82,6 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=float, metavar="S", help="end after so long; status 1 without a frame"
     )
     add_model(parser, MODEL_ONLINE)
+    add_learning(parser)
     add_json(parser)
     add_configuration(parser)
     add_bus(parser)
@@ -130,6 +137,9 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             config = _resumed(config, state)
             keeper = outputs.keep(options.state, state, config.service.state_interval_s)
             observers.append(keeper.observe)
+        learning = start_learning(options, config, stack, narrator)
+        if learning is not None:
+            observers.append(learning.companion.observe_setpoint)
         manager = ServiceManager(os.environ)
         core = ServiceCore(config, on_setpoint=partial(tell_all, observers))
         bus = ReconnectingBus(
@@ -138,6 +148,9 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         stack.callback(bus.shutdown)
         log = outputs.log(options.log) if options.log else None
         name = bus_name(options, bus.channel_info)
+        if learning is not None:
+            core.on_readings = learning.companion.observe_readings
+            learning.log = log
         silence = SilenceWatch(nothing_received(config, name), narrator.warn)
         service = LiveService(
             core,
@@ -146,10 +159,12 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             secure=read_secoc(options, core.messages.sizes),
             dry_run=options.dry_run,
             notify=narrator.warn,
-            each_turn=lambda: _look_around(manager, silence, service),
+            each_turn=lambda: _look_around(manager, silence, service, learning),
         )
         if options.metrics is not None:
-            address = serve_metrics(stack, options.metrics, service, log)
+            address = serve_metrics(
+                stack, options.metrics, service, log, learning_metrics(learning)
+            )
             narrator.print(f"metrics at {address}")
         _obey_signals(service, log, has_terminal=has_terminal)
         # Said last: who waits for it may send a signal at once.
@@ -172,6 +187,8 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         "faults": core.faults,
         "last": None if core.estimate is None else core.estimate.to_dict(),
     }
+    if learning is not None:
+        document["learning"] = learning.to_dict()
     document |= provenance(config)
 
     def write() -> None:
@@ -217,10 +234,17 @@ def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: 
         signal.signal(number, signal.SIG_IGN)
 
 
-def _look_around(manager: ServiceManager, silence: SilenceWatch, service: LiveService) -> None:
+def _look_around(
+    manager: ServiceManager,
+    silence: SilenceWatch,
+    service: LiveService,
+    learning: RunLearning | None,
+) -> None:
     """What is done at each turn of the loop."""
     manager.alive()
     silence.look(heard=service.counts.received > 0)
+    if learning is not None:
+        learning.look()
 
 
 def _resumed(config: Configuration, state: KeptState) -> Configuration:

@@ -37,12 +37,14 @@ class LearningTask:
         configuration: Vehicle, roles and settings of the service, without a model.
         folder: Folder of the model files.
         settings: Times of the work.
+        in_use: Names of the effects of the model that the service uses.
 
     """
 
     configuration: Configuration
     folder: Path
     settings: LearningSettings
+    in_use: tuple[str, ...] = ()
 
 
 class ReadingBatch(NamedTuple):
@@ -95,7 +97,7 @@ def main() -> int:
 def _learn(source: BinaryIO, tell: Callable[[LearningReport], None]) -> None:
     """Receive the task, then readings in a thread, and work on them until they end."""
     task = pickle.load(source)  # noqa: S301  the service's own pipe
-    learner = Learner(task.configuration, task.folder, tell, task.settings)
+    learner = Learner(task.configuration, task.folder, tell, task.settings, task.in_use)
     came, has_ended = threading.Event(), threading.Event()
 
     def receive() -> None:

@@ -108,10 +108,7 @@ class ModelConfirmation:
 
     def grow_old(self, t_us: int) -> None:
         """Drop a model that is not confirmed by a time, µs, that is too late."""
-        if (
-            self.state is LearningState.ESTIMATED
-            and t_us - self._since_us > self._most_age_us
-        ):
+        if self.state is LearningState.ESTIMATED and t_us - self._since_us > self._most_age_us:
             minutes = self._most_age_us / 60e6
             self._drop(f"{minutes:.0f} minutes of fresh readings did not confirm it")
 

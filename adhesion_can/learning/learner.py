@@ -1,13 +1,12 @@
 """The learner: readings in, reports out; no process, and no clock but the readings' own."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
-from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.learning.coasting_witness import calibrate_readings, find_contradiction
 from adhesion_can.learning.confirmation import (
     MOST_AGE_S,
@@ -61,11 +60,11 @@ class Learner:
     `add` may be called in another thread than `work`, which takes long.
 
     Args:
-        configuration: Vehicle, roles and settings of the service; a model in it is what the service
-            uses already, and is not proposed again.
+        configuration: Vehicle, roles and settings of the service, without a model.
         folder: Folder of the model files; None: none is written.
         tell: Callback with each report.
         settings: Times of the work; None: the defaults.
+        in_use: Names of the effects of the model that the service uses, which are not proposed.
 
     """
 
@@ -75,12 +74,13 @@ class Learner:
         folder: Path | None,
         tell: Callable[[LearningReport], object],
         settings: LearningSettings | None = None,
+        in_use: Collection[str] = (),
     ) -> None:
         self.settings = settings or LearningSettings()
         self.learned: LearnedModel | None = None
         """Model that was proposed last and not dropped."""
-        self._in_use = configuration.model
-        self._configuration = replace(configuration, model=None)
+        self._in_use = frozenset(in_use)
+        self._configuration = configuration
         self._folder = folder
         self._tell = tell
         self._record = ReadingRecord(self.settings.window_s, configuration.service.restart_s)
@@ -180,21 +180,21 @@ class Learner:
         objection = find_objection(whole)
         if objection or whole.model is None:
             return objection
-        if self._in_use is not None and _is_in_use(self._in_use, whole.model):
+        if self._in_use.issuperset(whole.model.names):
             return "the record names what the model in use holds"
         contradiction = find_contradiction(
             calibrate_readings(readings, config), whole.model.effects
         )
         if contradiction:
             return f"{whole.causes[0].effect} is contradicted: {contradiction}"
-        disagreement = find_disagreement(whole, [examine(half, config) for half in halves(readings)])
+        disagreement = find_disagreement(
+            whole, [examine(half, config) for half in halves(readings)]
+        )
         return disagreement or LearnedModel(whole.causes, whole.model, begin_us, end_us)
 
     # ------------------------------------------------------------------------------- to confirm
 
-    def _confirm(
-        self, learned: LearnedModel, confirmation: ModelConfirmation, now_us: int
-    ) -> bool:
+    def _confirm(self, learned: LearnedModel, confirmation: ModelConfirmation, now_us: int) -> bool:
         """Predict the next spans of fresh readings, where they have come."""
         span_us = round(SPAN_S * 1e6)
         with self._lock:
@@ -272,9 +272,3 @@ def _main_sizes(learned: LearnedModel) -> tuple[LearnedCause, ...]:
         for cause in learned.causes
         for value in cause.parameters[:1]
     )
-
-
-def _is_in_use(in_use: ExtendedModel, found: ExtendedModel) -> bool:
-    """Whether a model that the service uses holds the effects of another."""
-    names = {(active.effect.id, active.effect.form) for active in in_use.effects}
-    return {(active.effect.id, active.effect.form) for active in found.effects} <= names

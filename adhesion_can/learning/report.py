@@ -58,7 +58,10 @@ class LearningReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Fields as JSON has them."""
-        return asdict(self) | {"state": self.state.value, "causes": [asdict(c) for c in self.causes]}
+        return asdict(self) | {
+            "state": self.state.value,
+            "causes": [asdict(c) for c in self.causes],
+        }
 
     def to_line(self) -> str:
         """One line of JSON."""
