@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import TextIO, cast
+from typing import Any, TextIO, cast
 
 import numpy as np
 
@@ -31,12 +31,7 @@ from adhesion_can.cli.outputs import (
     talk,
     write_json,
 )
-from adhesion_can.cli.run_learning import (
-    RunLearning,
-    add_learning,
-    learning_metrics,
-    start_learning,
-)
+from adhesion_can.cli.run_learning import RunLearning, add_learning, start_learning
 from adhesion_can.cli.silence import SilenceWatch, bus_name, name_inputs, nothing_received
 from adhesion_can.cli.stderr_behind import stderr_behind
 from adhesion_can.config import Configuration
@@ -138,8 +133,6 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             keeper = outputs.keep(options.state, state, config.service.state_interval_s)
             observers.append(keeper.observe)
         learning = start_learning(options, config, stack, narrator)
-        if learning is not None:
-            observers.append(learning.companion.observe_setpoint)
         manager = ServiceManager(os.environ)
         core = ServiceCore(config, on_setpoint=partial(tell_all, observers))
         bus = ReconnectingBus(
@@ -148,9 +141,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         stack.callback(bus.shutdown)
         log = outputs.log(options.log) if options.log else None
         name = bus_name(options, bus.channel_info)
-        if learning is not None:
-            core.on_readings = learning.companion.observe_readings
-            learning.log = log
+        learning.observe(core, observers, log)
         silence = SilenceWatch(nothing_received(config, name), narrator.warn)
         service = LiveService(
             core,
@@ -162,9 +153,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             each_turn=lambda: _look_around(manager, silence, service, learning),
         )
         if options.metrics is not None:
-            address = serve_metrics(
-                stack, options.metrics, service, log, learning_metrics(learning)
-            )
+            address = serve_metrics(stack, options.metrics, service, log, learning.metrics)
             narrator.print(f"metrics at {address}")
         _obey_signals(service, log, has_terminal=has_terminal)
         # Said last: who waits for it may send a signal at once.
@@ -177,19 +166,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         ran_out = until is not None and service.clock() >= until
         manager.stopping()
     counters = read_counters(service)
-    document = {
-        **counters,
-        "log_lines_lost": 0 if log is None else log.lost,
-        "clock_offset_s": service.stamps.offset_us / 1e6,
-        "frames_rejected": core.receiver.rejected,
-        "samples_left_out": core.left_out_samples,
-        "loop_time_p99_us": core.loop_time_p99_us,
-        "faults": core.faults,
-        "last": None if core.estimate is None else core.estimate.to_dict(),
-    }
-    if learning is not None:
-        document["learning"] = learning.to_dict()
-    document |= provenance(config)
+    document = _describe_run(service, log) | learning.fields() | provenance(config)
 
     def write() -> None:
         write_json(options.json, document)
@@ -211,6 +188,21 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             "nothing was identified; check the bus, the bitrate and [roles]"
         )
     return _Ending(outputs.all_ended and json_written, 1 if is_deaf else 0)
+
+
+def _describe_run(service: LiveService, log: LogBehind | None) -> dict[str, Any]:
+    """Counters of a service that has ended, as JSON has them."""
+    core = service.core
+    return {
+        **read_counters(service),
+        "log_lines_lost": 0 if log is None else log.lost,
+        "clock_offset_s": service.stamps.offset_us / 1e6,
+        "frames_rejected": core.receiver.rejected,
+        "samples_left_out": core.left_out_samples,
+        "loop_time_p99_us": core.loop_time_p99_us,
+        "faults": core.faults,
+        "last": None if core.estimate is None else core.estimate.to_dict(),
+    }
 
 
 def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: bool) -> None:
@@ -238,13 +230,12 @@ def _look_around(
     manager: ServiceManager,
     silence: SilenceWatch,
     service: LiveService,
-    learning: RunLearning | None,
+    learning: RunLearning,
 ) -> None:
     """What is done at each turn of the loop."""
     manager.alive()
     silence.look(heard=service.counts.received > 0)
-    if learning is not None:
-        learning.look()
+    learning.look()
 
 
 def _resumed(config: Configuration, state: KeptState) -> Configuration:

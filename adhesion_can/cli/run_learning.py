@@ -1,9 +1,9 @@
-"""`run --learn`: the service diagnoses itself in a process of low priority, and proposes a model."""
+"""`run --learn`: the service diagnoses itself in a process of low priority, and proposes models."""
 
 import argparse
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,9 @@ from adhesion_can.cli.narrator import Narrator
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
 from adhesion_can.printable import printable
+from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.frame_log import LogBehind
+from adhesion_can.service.outputs import Outputs
 
 # Diagnosis is imported where somebody learns: it takes a second of a start.
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--learn",
         choices=("propose",),
-        help="diagnose the readings in a process of low priority, and write a model of what is wrong",
+        help="diagnose the readings in a process of low priority, and write what is wrong as a model",
     )
     parser.add_argument(
         "--learn-to",
@@ -48,39 +50,64 @@ class RunLearning:
     """What `run` does about a learner: starts it, reports its news, and ends it.
 
     Args:
-        companion: Process of the learner.
+        companion: Process of the learner; None: nothing is learned.
         narrator: Lines for the operator.
         argv: Words of the command line after the command's own name.
 
     """
 
     def __init__(
-        self, companion: "LearningCompanion", narrator: Narrator, argv: Sequence[str]
+        self, companion: "LearningCompanion | None", narrator: Narrator, argv: Sequence[str]
     ) -> None:
-        self.companion = companion
-        self.log: LogBehind | None = None
-        """Log in which news are comments."""
+        self._companion = companion
+        self._log: LogBehind | None = None
         self._narrator = narrator
         self._argv = tuple(argv)
 
+    def observe(
+        self,
+        core: ServiceCore,
+        observers: list[Callable[[int, Outputs], None]],
+        log: LogBehind | None,
+    ) -> None:
+        """Give the learner what the service reads and doubts.
+
+        Args:
+            core: Core of the service, which has received nothing yet.
+            observers: Callbacks with each setpoint.
+            log: Log in which news become comments; None: there is none.
+
+        """
+        self._log = log
+        if self._companion is not None:
+            core.on_readings = self._companion.observe_readings
+            observers.append(self._companion.observe_setpoint)
+
     def look(self) -> None:
         """Report news, if there are any; never waits."""
-        news = self.companion.take_news()
+        news = None if self._companion is None else self._companion.take_news()
         if news is None:
             return
         for line in self._lines(news):
             self._narrator.warn(f"--learn: {line}")
-            if self.log is not None:
+            if self._log is not None:
                 # Replay passes over comments, as over those on lost lines.
-                self.log.write(f"# learn: {printable(line)}\n")
+                self._log.write(f"# learn: {printable(line)}\n")
 
-    def to_dict(self) -> dict[str, Any]:
-        """Latest report with what was lost, as JSON has it."""
-        return {
-            **self.companion.report.to_dict(),
-            "lost_s": self.companion.lost_s,
-            "restarts": self.companion.restarts,
-        }
+    def fields(self) -> dict[str, Any]:
+        """Latest report with what was lost, as JSON has it; nothing where nothing is learned."""
+        if self._companion is None:
+            return {}
+        lost = {"lost_s": self._companion.lost_s, "restarts": self._companion.restarts}
+        return {"learning": self._companion.report.to_dict() | lost}
+
+    def metrics(self) -> Iterable[Any]:
+        """Figures for Prometheus; none where nothing is learned."""
+        if self._companion is None:
+            return ()
+        from adhesion_can.learning.metrics import collect_learning  # noqa: PLC0415  an extra
+
+        return collect_learning(self._companion)
 
     def _lines(self, news: "LearningReport") -> list[str]:
         lines = [news.news]
@@ -107,8 +134,8 @@ def command_with_model(argv: Sequence[str], path: str) -> str:
 
 def start_learning(
     options: argparse.Namespace, config: Configuration, stack: ExitStack, narrator: Narrator
-) -> RunLearning | None:
-    """Start the learner, which ends with the stack; None where it is not asked for.
+) -> RunLearning:
+    """Start the learner where it is asked for; it ends with the stack.
 
     Args:
         options: Options of the command.
@@ -123,7 +150,7 @@ def start_learning(
     if options.learn is None:
         if options.learn_to is not None:
             raise InputError("--learn-to", "nothing is learned", "add --learn propose")
-        return None
+        return RunLearning(None, narrator, ())
     require_positive(options.learn_every, "--learn-every", "minutes")
     folder = _folder(options)
     from adhesion_can.learning.child import LearningTask  # noqa: PLC0415
@@ -152,12 +179,3 @@ def _folder(options: argparse.Namespace) -> Path:
         reason = "is no folder" if folder.exists() else "does not exist"
         raise InputError(f"--learn-to {folder}", reason, "create the folder first")
     return folder.resolve()
-
-
-def learning_metrics(learning: RunLearning | None) -> Callable[[], Any] | None:
-    """Function that gives the learner's figures for Prometheus; None where nothing is learned."""
-    if learning is None:
-        return None
-    from adhesion_can.learning.metrics import collect_learning  # noqa: PLC0415  needs the extra
-
-    return lambda: collect_learning(learning.companion)
