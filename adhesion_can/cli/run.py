@@ -4,6 +4,7 @@ import argparse
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -43,6 +44,7 @@ from adhesion_can.service.file_lock import file_lock
 from adhesion_can.service.frame_log import LogBehind
 from adhesion_can.service.kept_state import KeptState
 from adhesion_can.service.live import LiveService
+from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_file import read_state
@@ -121,7 +123,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
     config = configuration(options)
     read = [path for path in (config.database.path, options.secoc_key) if path is not None]
     require_outputs(options, read)
-    observers = [narrator.print_setpoint]
+    observers: list[Callable[[int, Outputs], None]] = [narrator.print_setpoint]
     with ExitStack() as stack:
         # The lock goes last: whoever waits for it must not find a state that is still written.
         if options.state:
