@@ -29,7 +29,7 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--learn",
         choices=("propose",),
-        help="diagnose the readings in a process of low priority, and write what is wrong as a model",
+        help="diagnose the readings in a process of low priority; write what is wrong as a model",
     )
     parser.add_argument(
         "--learn-to",

@@ -67,6 +67,10 @@ class _SignalColumn:
         """Drop readings stamped before a time, µs."""
         self._first += int(np.searchsorted(self.t_us, t_us))
 
+    def keep_latest(self, number: int) -> None:
+        """Drop all but so many of the latest readings."""
+        self._first = max(self._first, self._end - number)
+
     def _make_room(self, added: int) -> None:
         kept_us, kept = self.t_us.copy(), self.value.copy()
         capacity = max(len(self._t_us), _FIRST_CAPACITY)
@@ -162,7 +166,8 @@ class ReadingRecord:
         oldest_us = (self._latest_us or 0) - self._window_us
         for column in self._columns.values():
             if len(column) > self._most:
+                column.keep_latest(self._most)
                 # What one signal has lost, all have: the record begins at one time.
-                oldest_us = max(oldest_us, int(column.t_us[-self._most]))
+                oldest_us = max(oldest_us, int(column.t_us[0]))
         for column in self._columns.values():
             column.forget_before(oldest_us)

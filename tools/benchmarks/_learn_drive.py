@@ -88,7 +88,7 @@ def learn(log, doubts, folder):
 
     config = load_configuration()
     blocks = blocks_in_sequence(open_recordings([log]), config.service.restart_s)
-    drive = ReadingRecord(window_s=np.inf, most_readings=10**9)
+    drive = ReadingRecord(window_s=1e9, most_readings=10**9)
     for key, parts in load_traces(blocks, config, str(log)).columns.items():
         for stamps, values in parts:
             drive.add({key: (stamps, values)})
