@@ -12,8 +12,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 from adhesion_can.learning.child import FAILED, LearningTask, ReadingBatch
 from adhesion_can.learning.record import join_readings
@@ -81,6 +82,8 @@ class LearningCompanion:
         self._since_us = 0
         self._news: SimpleQueue[LearningReport] = SimpleQueue()
         self._process: subprocess.Popen[bytes] | None = None
+        self._greeted: subprocess.Popen[bytes] | None = None
+        """Process that has its task."""
         self._started_s = -float("inf")
         self._has_died = False
         """Whether a death of the child was reported."""
@@ -147,6 +150,7 @@ class LearningCompanion:
             process.kill()
             process.wait()
         self._batches.wait(END_S)
+        self._reader.join(END_S)
 
     # -------------------------------------------------------------------------------- in threads
 
@@ -160,11 +164,10 @@ class LearningCompanion:
             stderr=subprocess.DEVNULL,
             env=_environment(os.environ),
         )
-        self._send(process, sys.path)
-        self._send(process, self._task)
-        threading.Thread(
+        self._reader = threading.Thread(
             target=self._read, args=(process,), name="learning reports", daemon=True
-        ).start()
+        )
+        self._reader.start()
 
     def _write(self, batches: list[_FrameReadings]) -> None:
         """Send batches to the child; starts it again where it is time."""
@@ -175,6 +178,11 @@ class LearningCompanion:
             self.restarts += 1
             self._start()
             process = self._process
+        if process is not self._greeted and process is not None:
+            # Here, as the task is more than a pipe holds, and the child may not read.
+            self._greeted = process
+            self._send(process, sys.path)
+            self._send(process, self._task)
         for batch in batches:
             if process is not None:
                 self._send(process, ReadingBatch(join_readings(batch.parts), batch.doubt))
@@ -194,21 +202,21 @@ class LearningCompanion:
         """Let the child see the end of its input."""
         process = self._process
         if process is not None and process.stdin is not None:
-            try:
-                process.stdin.close()
-            except BrokenPipeError:
-                return
+            _close(process.stdin)
 
     def _read(self, process: subprocess.Popen[bytes]) -> None:
         """Read reports until the child ends; say once that one has died."""
         last = LearningReport()
         if process.stdout is not None:
-            for line in process.stdout:
-                last = LearningReport.from_line(line.decode("utf-8"))
-                self.report = last
-                if last.news:
-                    self._news.put(last)
+            with process.stdout as lines:
+                for line in lines:
+                    last = LearningReport.from_line(line.decode("utf-8"))
+                    self.report = last
+                    if last.news:
+                        self._news.put(last)
         status = process.wait()
+        if process.stdin is not None:
+            _close(process.stdin)
         if self._closing or self._has_died:
             return
         self._has_died = True
@@ -217,6 +225,12 @@ class LearningCompanion:
             f"--learn: the learning process {reason}; it is started again every "
             f"{self._restart_s:g} s, and further ends are not reported"
         )
+
+
+def _close(pipe: IO[bytes]) -> None:
+    """Close the writing end of a pipe, whether or not somebody reads it."""
+    with suppress(BrokenPipeError):
+        pipe.close()
 
 
 def _environment(given: Mapping[str, str]) -> dict[str, str]:
