@@ -1,8 +1,9 @@
 """Options of `run` that need an extra: authenticated frames, figures for Prometheus."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
+from typing import Any
 
 from can.util import CAN_FD_DLC
 
@@ -58,9 +59,20 @@ def listening_address(text: str) -> tuple[str, int]:
 
 
 def serve_metrics(
-    stack: ExitStack, listen_at: tuple[str, int], service: LiveService, log: LogBehind | None
+    stack: ExitStack,
+    listen_at: tuple[str, int],
+    service: LiveService,
+    log: LogBehind | None,
+    more: Callable[[], Iterable[Any]] | None = None,
 ) -> str:
     """Answer Prometheus until the stack is closed; returns the address.
+
+    Args:
+        stack: What ends with the service.
+        listen_at: Host and port.
+        service: Service whose figures are served.
+        log: Its log; None: there is none.
+        more: Figures of what runs beside the service; None: there are none.
 
     Raises:
         InputError: The extra is not installed, or the port cannot be had.
@@ -73,7 +85,7 @@ def serve_metrics(
         from adhesion_can.service.metrics_server import MetricsServer  # noqa: PLC0415
     lost = (lambda: 0) if log is None else (lambda: log.lost)
     try:
-        server = MetricsServer(host, port, ServiceCollector(service, lost))
+        server = MetricsServer(host, port, ServiceCollector(service, lost, more or (lambda: ())))
     except OSError as error:
         raise InputError(where, error.strerror or str(error), "name another port") from error
     stack.callback(server.close)

@@ -20,6 +20,7 @@ from adhesion_can.cli.common import (
     configuration,
     require_positive,
 )
+from adhesion_can.cli.monitor_learned import LearnedFolder
 from adhesion_can.cli.monitor_lines import write_lines
 from adhesion_can.cli.monitor_log import LogSource, survey
 from adhesion_can.cli.monitor_session import MonitorSession
@@ -89,6 +90,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="port of --serve (default: one that is free)",
     )
+    parser.add_argument(
+        "--learned",
+        type=Path,
+        metavar="DIR",
+        help="also show the models that 'run --learn' keeps in this folder",
+    )
     parser.add_argument(VIEWER, action="store_true", dest="viewer", help=argparse.SUPPRESS)
     add_model(parser, "its effects are removed if the service runs here")
     add_configuration(parser)
@@ -141,9 +148,10 @@ def run(options: argparse.Namespace) -> int:
 def _show(options: argparse.Namespace, config: Configuration, make_app: _AppMaker | None) -> int:
     """Show the source in a program for terminals, or in lines where there is none."""
     with ExitStack() as stack:
+        learned = None if options.learned is None else LearnedFolder(options.learned)
         source = _open_source(options, config, in_lines=make_app is None)
         stack.callback(source.close)
-        session = MonitorSession(config, source)
+        session = MonitorSession(config, source, learned)
         stack.callback(session.close)
         if options.record is not None:
             session.toggle_recording(options.record)

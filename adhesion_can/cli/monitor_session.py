@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from adhesion_can.bus.frame import Frame
+from adhesion_can.cli.monitor_learned import LearnedFolder
 from adhesion_can.cli.monitor_log import LogSource
 from adhesion_can.cli.monitor_source import Source
 from adhesion_can.config import Configuration
@@ -28,6 +29,7 @@ class MonitorSession:
     Args:
         configuration: Database, roles and vehicle.
         source: Where the frames come from.
+        learned: Models that a service has learned; None: they are not shown.
         wall_clock: Time for the names of recordings, s since the epoch.
 
     """
@@ -36,12 +38,14 @@ class MonitorSession:
         self,
         configuration: Configuration,
         source: Source,
+        learned: LearnedFolder | None = None,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
         self.paused = False
         """Whether the view stands still."""
         self._configuration = configuration
         self._source = source
+        self._learned = learned
         self._wall_clock = wall_clock
         self._state = MonitorState(configuration)
         self._generation = source.generation
@@ -155,7 +159,12 @@ class MonitorSession:
         if self._recorder is not None:
             name, count = str(self._recorder.path), self._recorder.count
             transport = replace(transport, recording=name, recorded=count)
-        return replace(snapshot, transport=replace(transport, notes=notes))
+        learned = () if self._learned is None else self._learned.sentences()
+        return replace(
+            snapshot,
+            remarks=(*snapshot.remarks, *learned),
+            transport=replace(transport, notes=notes),
+        )
 
 
 class _Recorder:

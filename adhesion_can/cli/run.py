@@ -4,12 +4,13 @@ import argparse
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import TextIO, cast
+from typing import Any, TextIO, cast
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from adhesion_can.cli.outputs import (
     talk,
     write_json,
 )
+from adhesion_can.cli.run_learning import RunLearning, add_learning, start_learning
 from adhesion_can.cli.silence import SilenceWatch, bus_name, name_inputs, nothing_received
 from adhesion_can.cli.stderr_behind import stderr_behind
 from adhesion_can.config import Configuration
@@ -42,6 +44,7 @@ from adhesion_can.service.file_lock import file_lock
 from adhesion_can.service.frame_log import LogBehind
 from adhesion_can.service.kept_state import KeptState
 from adhesion_can.service.live import LiveService
+from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_file import read_state
@@ -82,6 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=float, metavar="S", help="end after so long; status 1 without a frame"
     )
     add_model(parser, MODEL_ONLINE)
+    add_learning(parser)
     add_json(parser)
     add_configuration(parser)
     add_bus(parser)
@@ -119,7 +123,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
     config = configuration(options)
     read = [path for path in (config.database.path, options.secoc_key) if path is not None]
     require_outputs(options, read)
-    observers = [narrator.print_setpoint]
+    observers: list[Callable[[int, Outputs], None]] = [narrator.print_setpoint]
     with ExitStack() as stack:
         # The lock goes last: whoever waits for it must not find a state that is still written.
         if options.state:
@@ -130,6 +134,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             config = _resumed(config, state)
             keeper = outputs.keep(options.state, state, config.service.state_interval_s)
             observers.append(keeper.observe)
+        learning = start_learning(options, config, stack, narrator)
         manager = ServiceManager(os.environ)
         core = ServiceCore(config, on_setpoint=partial(tell_all, observers))
         bus = ReconnectingBus(
@@ -138,6 +143,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         stack.callback(bus.shutdown)
         log = outputs.log(options.log) if options.log else None
         name = bus_name(options, bus.channel_info)
+        learning.observe(core, observers, log)
         silence = SilenceWatch(nothing_received(config, name), narrator.warn)
         service = LiveService(
             core,
@@ -146,10 +152,10 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             secure=read_secoc(options, core.messages.sizes),
             dry_run=options.dry_run,
             notify=narrator.warn,
-            each_turn=lambda: _look_around(manager, silence, service),
+            each_turn=lambda: _look_around(manager, silence, service, learning),
         )
         if options.metrics is not None:
-            address = serve_metrics(stack, options.metrics, service, log)
+            address = serve_metrics(stack, options.metrics, service, log, learning.metrics)
             narrator.print(f"metrics at {address}")
         _obey_signals(service, log, has_terminal=has_terminal)
         # Said last: who waits for it may send a signal at once.
@@ -162,17 +168,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         ran_out = until is not None and service.clock() >= until
         manager.stopping()
     counters = read_counters(service)
-    document = {
-        **counters,
-        "log_lines_lost": 0 if log is None else log.lost,
-        "clock_offset_s": service.stamps.offset_us / 1e6,
-        "frames_rejected": core.receiver.rejected,
-        "samples_left_out": core.left_out_samples,
-        "loop_time_p99_us": core.loop_time_p99_us,
-        "faults": core.faults,
-        "last": None if core.estimate is None else core.estimate.to_dict(),
-    }
-    document |= provenance(config)
+    document = _describe_run(service, log) | learning.fields() | provenance(config)
 
     def write() -> None:
         write_json(options.json, document)
@@ -196,6 +192,21 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
     return _Ending(outputs.all_ended and json_written, 1 if is_deaf else 0)
 
 
+def _describe_run(service: LiveService, log: LogBehind | None) -> dict[str, Any]:
+    """Counters of a service that has ended, as JSON has them."""
+    core = service.core
+    return {
+        **read_counters(service),
+        "log_lines_lost": 0 if log is None else log.lost,
+        "clock_offset_s": service.stamps.offset_us / 1e6,
+        "frames_rejected": core.receiver.rejected,
+        "samples_left_out": core.left_out_samples,
+        "loop_time_p99_us": core.loop_time_p99_us,
+        "faults": core.faults,
+        "last": None if core.estimate is None else core.estimate.to_dict(),
+    }
+
+
 def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: bool) -> None:
     """Have signals end the service with its last frames, or start another log."""
 
@@ -217,10 +228,16 @@ def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: 
         signal.signal(number, signal.SIG_IGN)
 
 
-def _look_around(manager: ServiceManager, silence: SilenceWatch, service: LiveService) -> None:
+def _look_around(
+    manager: ServiceManager,
+    silence: SilenceWatch,
+    service: LiveService,
+    learning: RunLearning,
+) -> None:
     """What is done at each turn of the loop."""
     manager.alive()
     silence.look(heard=service.counts.received > 0)
+    learning.look()
 
 
 def _resumed(config: Configuration, state: KeptState) -> Configuration:

@@ -179,7 +179,7 @@ def _with_values(
     """Drives less the rows in which the model has no value, and the number of these rows."""
     data = build_regression_data(tuple(drives), [[] for _ in drives])
     with np.errstate(all="ignore"):
-        curves = _model_curves(model, data.surfaces)
+        curves = model_curves(model, data.surfaces)
         evaluated = evaluate_model(data, curves, model_effects(model))
         finite = np.isfinite(evaluated.slip) & np.isfinite(evaluated.residual)
     if finite.all():
@@ -226,7 +226,7 @@ def compute_residuals(data: RegressionData, model: ExtendedModel) -> ModelResidu
     block = np.concatenate(number_blocks_of_drives(data.drives, length_s))
     prepared = prepare_regression(data, fit_start_curves(data), block, (), length_s)
     effects = model_effects(model)
-    curves = _model_curves(model, data.surfaces)
+    curves = model_curves(model, data.surfaces)
     refitted = fit_model(prepared.regression, Model(curves, fixed=effects)).model
     return ModelResiduals(
         evaluate_model(data, prepared.plain.model.curves).residual,
@@ -242,7 +242,7 @@ def model_effects(model: ExtendedModel) -> tuple[ActiveEffect, ...]:
     return (*model.effects, *(ActiveEffect(spline, ()) for spline in model.splines))
 
 
-def _model_curves(model: ExtendedModel, surfaces: int) -> SegmentCurves:
+def model_curves(model: ExtendedModel, surfaces: int) -> SegmentCurves:
     """The base curve of a model, for every surface."""
     if model.curve is None:
         return SegmentCurves.from_parameters(BURCKHARDT, np.tile(model.base, (surfaces, 1)))

@@ -4,7 +4,7 @@ The names follow Prometheus' conventions: base units, `_total` for counters. Nee
 `metrics`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import accumulate
 
 from prometheus_client.core import (
@@ -48,12 +48,19 @@ class ServiceCollector(Collector):
     Args:
         service: Service to read; never changed.
         log_lines_lost: Number of lines that the service's log lost.
+        more: Figures of what runs beside the service.
 
     """
 
-    def __init__(self, service: LiveService, log_lines_lost: Callable[[], int] = lambda: 0) -> None:
+    def __init__(
+        self,
+        service: LiveService,
+        log_lines_lost: Callable[[], int] = lambda: 0,
+        more: Callable[[], Iterable[Metric]] = lambda: (),
+    ) -> None:
         self._service = service
         self._log_lines_lost = log_lines_lost
+        self._more = more
 
     def collect(self) -> Iterator[Metric]:
         """Figures at this moment."""
@@ -80,6 +87,7 @@ class ServiceCollector(Collector):
             if (number := read(outputs)) is not None:
                 yield GaugeMetricFamily(f"{PREFIX}{name}", meaning, number)
         yield _collect_axles(outputs)
+        yield from self._more()
 
     def _collect_rejected(self) -> Metric:
         family = CounterMetricFamily(

@@ -36,16 +36,19 @@ def run_drive(task):
     return record
 
 
-def measure(truth, log, model):
-    """Figures of the service over a drive, with an extended model or without."""
+def measure(truth, log, model, from_s=0.0, table=None):
+    """Figures of the service over a drive from a time on, with an extended model or without.
+
+    `table` has the setpoints where they are known already.
+    """
     from adhesion_can import replay
 
-    table = replay(log, model=model)
+    table = replay(log, model=model, from_s=from_s) if table is None else table
     columns = {name: column[::EVERY] for name, column in table.items()}
     there = truth.true_contact.at(columns["time_s"])
     return judge(
         Setpoints(
-            t=columns["time_s"],
+            t=columns["time_s"] - from_s,
             tracking=columns["status"] == "TRACKING",
             mu_max=columns["mu_max"],
             mu_max_std=columns["mu_max_std"],

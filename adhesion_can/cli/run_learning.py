@@ -1,0 +1,181 @@
+"""`run --learn`: the service diagnoses itself in a process of low priority, and proposes models."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from adhesion_can.cli.common import own_command, require_positive
+from adhesion_can.cli.narrator import Narrator
+from adhesion_can.config import Configuration
+from adhesion_can.errors import InputError
+from adhesion_can.printable import printable
+from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.frame_log import LogBehind
+from adhesion_can.service.outputs import Outputs
+
+# Diagnosis is imported where somebody learns: it takes a second of a start.
+if TYPE_CHECKING:
+    from adhesion_can.learning.companion import LearningCompanion
+    from adhesion_can.learning.report import LearningReport
+
+
+def add_learning(parser: argparse.ArgumentParser) -> None:
+    """Options --learn, --learn-to and --learn-every."""
+    parser.add_argument(
+        "--learn",
+        choices=("propose",),
+        help="diagnose the readings in a process of low priority; write what is wrong as a model",
+    )
+    parser.add_argument(
+        "--learn-to",
+        type=Path,
+        metavar="DIR",
+        help="folder of these models (default: that of --state, or the current one)",
+    )
+    parser.add_argument(
+        "--learn-every",
+        type=float,
+        metavar="MIN",
+        default=5.0,
+        help="minutes between two diagnoses; sooner where a doubt lasts (default: 5)",
+    )
+
+
+class RunLearning:
+    """What `run` does about a learner: starts it, reports its news, and ends it.
+
+    Args:
+        companion: Process of the learner; None: nothing is learned.
+        narrator: Lines for the operator.
+        argv: Words of the command line after the command's own name.
+
+    """
+
+    def __init__(
+        self, companion: "LearningCompanion | None", narrator: Narrator, argv: Sequence[str]
+    ) -> None:
+        self._companion = companion
+        self._log: LogBehind | None = None
+        self._narrator = narrator
+        self._argv = tuple(argv)
+
+    def observe(
+        self,
+        core: ServiceCore,
+        observers: list[Callable[[int, Outputs], None]],
+        log: LogBehind | None,
+    ) -> None:
+        """Give the learner what the service reads and doubts.
+
+        Args:
+            core: Core of the service, which has received nothing yet.
+            observers: Callbacks with each setpoint.
+            log: Log in which news become comments; None: there is none.
+
+        """
+        self._log = log
+        if self._companion is not None:
+            core.on_readings = self._companion.observe_readings
+            observers.append(self._companion.observe_setpoint)
+
+    def look(self) -> None:
+        """Report news, if there are any; never waits."""
+        news = None if self._companion is None else self._companion.take_news()
+        if news is None:
+            return
+        for line in self._lines(news):
+            self._narrator.warn(f"--learn: {line}")
+            if self._log is not None:
+                # Replay passes over comments, as over those on lost lines.
+                self._log.write(f"# learn: {printable(line)}\n")
+
+    def fields(self) -> dict[str, Any]:
+        """Latest report with what was lost, as JSON has it; nothing where nothing is learned."""
+        if self._companion is None:
+            return {}
+        lost = {"lost_s": self._companion.lost_s, "restarts": self._companion.restarts}
+        return {"learning": self._companion.report.to_dict() | lost}
+
+    def metrics(self) -> Iterable[Any]:
+        """Figures for Prometheus; none where nothing is learned."""
+        if self._companion is None:
+            return ()
+        from adhesion_can.learning.metrics import collect_learning  # noqa: PLC0415  an extra
+
+        return collect_learning(self._companion)
+
+    def _lines(self, news: "LearningReport") -> list[str]:
+        lines = [news.news]
+        if news.state == "confirmed" and news.path:
+            lines.append(f"to use it, type: {command_with_model(self._argv, news.path)}")
+        return lines
+
+
+def command_with_model(argv: Sequence[str], path: str) -> str:
+    """The same command with another model, for a shell.
+
+    Args:
+        argv: Words of the command line after the command's own name.
+        path: Path of the model.
+
+    """
+    words, skips = [], False
+    for word in argv:
+        if not skips and word != "--model" and not word.startswith("--model="):
+            words.append(word)
+        skips = word == "--model"
+    return shlex.join([own_command(), *words, "--model", path])
+
+
+def start_learning(
+    options: argparse.Namespace, config: Configuration, stack: ExitStack, narrator: Narrator
+) -> RunLearning:
+    """Start the learner where it is asked for; it ends with the stack.
+
+    Args:
+        options: Options of the command.
+        config: Configuration of the service.
+        stack: What ends with the service.
+        narrator: Lines for the operator.
+
+    Raises:
+        InputError: An option is missing, or the folder cannot serve.
+
+    """
+    if options.learn is None:
+        if options.learn_to is not None:
+            raise InputError("--learn-to", "nothing is learned", "add --learn propose")
+        return RunLearning(None, narrator, ())
+    require_positive(options.learn_every, "--learn-every", "minutes")
+    folder = _folder(options)
+    from adhesion_can.learning.child import LearningTask  # noqa: PLC0415
+    from adhesion_can.learning.companion import LearningCompanion  # noqa: PLC0415
+    from adhesion_can.learning.learner import LearningSettings  # noqa: PLC0415
+
+    settings = LearningSettings(interval_s=60.0 * options.learn_every)
+    in_use = () if config.model is None else tuple(config.model.names)
+    task = LearningTask(replace(config, model=None), folder, settings, in_use)
+    companion = LearningCompanion(task, narrator.warn)
+    stack.callback(companion.close)
+    narrator.print(f"--learn: models are written to {folder}")
+    return RunLearning(companion, narrator, sys.argv[1:])
+
+
+def _folder(options: argparse.Namespace) -> Path:
+    """Folder of the models.
+
+    Raises:
+        InputError: It is none.
+
+    """
+    default = Path() if options.state is None else options.state.parent
+    folder: Path = default if options.learn_to is None else options.learn_to
+    if not folder.is_dir():
+        reason = "is no folder" if folder.exists() else "does not exist"
+        raise InputError(f"--learn-to {folder}", reason, "create the folder first")
+    return folder.resolve()

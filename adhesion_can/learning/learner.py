@@ -1,0 +1,274 @@
+"""The learner: readings in, reports out; no process, and no clock but the readings' own."""
+
+import threading
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from adhesion_can.config import Configuration
+from adhesion_can.errors import InputError
+from adhesion_can.learning.coasting_witness import calibrate_readings, find_contradiction
+from adhesion_can.learning.confirmation import (
+    MOST_AGE_S,
+    SPAN_S,
+    LearningState,
+    ModelConfirmation,
+)
+from adhesion_can.learning.examination import build_drive, examine, halves
+from adhesion_can.learning.learned_file import write_learned
+from adhesion_can.learning.prediction import PredictedSpan, predict_spans
+from adhesion_can.learning.proposal import LearnedModel, find_disagreement, find_objection
+from adhesion_can.learning.record import WINDOW_S, ReadingRecord
+from adhesion_can.learning.report import LearnedCause, LearningReport
+from adhesion_can.learning.sentences import describe_causes
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.sampling.column_former import Readings
+
+SPANS_AT_ONCE = 6
+"""Number of spans that are predicted from the same fit of the curves."""
+EDGE_S = 2.0
+"""Time behind the last span that must have come, s: rows need readings around them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearningSettings:
+    """When a record is diagnosed, and how long a model may take to be confirmed.
+
+    Attributes:
+        interval_s: Time after which a record is diagnosed again, s.
+        doubt_s: Time for which a doubt must last to have the record diagnosed sooner, s.
+        again_s: Least time between two diagnoses while a doubt lasts, s.
+        least_s: Least length of a record that is diagnosed, s.
+        window_s: Length of the record, s.
+        training_s: Time before fresh readings to which the curves are fitted, s.
+        most_age_s: Time after which a model that is not confirmed is dropped, s.
+
+    """
+
+    interval_s: float = 300.0
+    doubt_s: float = 60.0
+    again_s: float = 120.0
+    least_s: float = 180.0
+    window_s: float = WINDOW_S
+    training_s: float = 60.0
+    most_age_s: float = MOST_AGE_S
+
+
+class Learner:
+    """Keeps a record of the readings, proposes a model, and confirms or drops it.
+
+    `add` may be called in another thread than `work`, which takes long.
+
+    Args:
+        configuration: Vehicle, roles and settings of the service, without a model.
+        folder: Folder of the model files; None: none is written.
+        tell: Callback with each report.
+        settings: Times of the work; None: the defaults.
+        in_use: Names of the effects of the model that the service uses, which are not proposed.
+
+    """
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        folder: Path | None,
+        tell: Callable[[LearningReport], object],
+        settings: LearningSettings | None = None,
+        in_use: Collection[str] = (),
+    ) -> None:
+        self.settings = settings or LearningSettings()
+        self.learned: LearnedModel | None = None
+        """Model that was proposed last and not dropped."""
+        self._in_use = frozenset(in_use)
+        self._configuration = configuration
+        self._folder = folder
+        self._tell = tell
+        self._record = ReadingRecord(self.settings.window_s, configuration.service.restart_s)
+        self._lock = threading.Lock()
+        self._doubt_since_us: int | None = None
+        self._examined_us: int | None = None
+        """Time of the latest diagnosis, or of the first reading, µs."""
+        self._confirmation: ModelConfirmation | None = None
+        self._fresh_us = 0
+        """Start of the readings that are not predicted yet, µs."""
+        self._report = LearningReport()
+
+    @property
+    def state(self) -> LearningState:
+        """State of what is learned."""
+        return self._report.state
+
+    def add(self, readings: Readings, doubt: Doubt) -> None:
+        """Add readings, with the service's doubt at their end."""
+        with self._lock:
+            self._record.add(readings)
+            now_us = self._record.end_us
+            if doubt is Doubt.NONE:
+                self._doubt_since_us = None
+            elif doubt is not Doubt.NOT_AVAILABLE and self._doubt_since_us is None:
+                self._doubt_since_us = now_us
+
+    def work(self) -> bool:
+        """Do the next piece of work; returns whether there was any.
+
+        Raises:
+            ArithmeticError: A computation failed.
+
+        """
+        with self._lock:
+            now_us, begin_us = self._record.end_us, self._record.begin_us
+        if now_us is None or begin_us is None:
+            return False
+        if self.learned is not None and self._confirmation is not None:
+            return self._confirm(self.learned, self._confirmation, now_us)
+        if not self._is_due(now_us, begin_us):
+            return False
+        self._examined_us = now_us
+        self._examine()
+        return True
+
+    def _is_due(self, now_us: int, begin_us: int) -> bool:
+        """Whether the record is to be diagnosed at a time, µs."""
+        settings = self.settings
+        if self._examined_us is None:
+            self._examined_us = begin_us
+        if now_us - begin_us < settings.least_s * 1e6:
+            return False
+        since_us = now_us - self._examined_us
+        doubt_us = self._doubt_since_us
+        doubted = doubt_us is not None and now_us - doubt_us >= settings.doubt_s * 1e6
+        return since_us >= (settings.again_s if doubted else settings.interval_s) * 1e6
+
+    # ------------------------------------------------------------------------------- to propose
+
+    def _examine(self) -> None:
+        """Diagnose the record, and propose a model where it and its halves name the same."""
+        with self._lock:
+            readings = self._record.whole()
+            begin_us, end_us = self._record.begin_us or 0, self._record.end_us or 0
+        try:
+            found = self._propose(readings, begin_us, end_us)
+        except InputError as error:
+            found = f"not diagnosed: {error}"
+        report = replace(self._report, t_us=end_us, examined=self._report.examined + 1, news="")
+        if isinstance(found, str):
+            self._send(replace(report, outcome=found))
+            return
+        self.learned = found
+        self._confirmation = ModelConfirmation(end_us, self.settings.most_age_s)
+        self._fresh_us = end_us
+        what = describe_causes(found.causes)
+        news = f"{what} (from {(end_us - begin_us) / 1e6:.0f} s of readings); now being confirmed"
+        self._send(
+            replace(
+                report,
+                state=LearningState.ESTIMATED,
+                found=what,
+                causes=_main_sizes(found),
+                proposed=report.proposed + 1,
+                spans=0,
+                won=0,
+                news=news,
+                outcome="a model is proposed",
+            )
+        )
+
+    def _propose(self, readings: Readings, begin_us: int, end_us: int) -> LearnedModel | str:
+        """A model, or the reason why there is none, a clause."""
+        config = self._configuration
+        whole = examine(readings, config)
+        objection = find_objection(whole)
+        if objection or whole.model is None:
+            return objection
+        if self._in_use.issuperset(whole.model.names):
+            return "the record names what the model in use holds"
+        contradiction = find_contradiction(
+            calibrate_readings(readings, config), whole.model.effects
+        )
+        if contradiction:
+            return f"{whole.causes[0].effect} is contradicted: {contradiction}"
+        disagreement = find_disagreement(
+            whole, [examine(half, config) for half in halves(readings)]
+        )
+        return disagreement or LearnedModel(whole.causes, whole.model, begin_us, end_us)
+
+    # ------------------------------------------------------------------------------- to confirm
+
+    def _confirm(self, learned: LearnedModel, confirmation: ModelConfirmation, now_us: int) -> bool:
+        """Predict the next spans of fresh readings, where they have come."""
+        span_us = round(SPAN_S * 1e6)
+        with self._lock:
+            known_us = self._record.begin_us
+        begin_us = now_us if known_us is None else known_us
+        # After a hole the record has begun again.
+        from_us = max(self._fresh_us, begin_us + round(self.settings.training_s * 1e6))
+        to_us = from_us + SPANS_AT_ONCE * span_us
+        if now_us < to_us + EDGE_S * 1e6:
+            return False
+        self._fresh_us = to_us
+        before = confirmation.state
+        for span in self._predict(learned, from_us, to_us, span_us):
+            confirmation.add(span.to_us, is_better=span.is_better)
+        confirmation.grow_old(now_us)
+        report = replace(
+            self._report,
+            t_us=now_us,
+            state=confirmation.state,
+            spans=confirmation.spans,
+            won=confirmation.won,
+            news="",
+        )
+        if confirmation.state is LearningState.CONFIRMED and before is not confirmation.state:
+            report = replace(
+                report,
+                news=f"confirmed on fresh readings ({confirmation.won} of {confirmation.spans} "
+                f"spans of {SPAN_S:g} s predicted better): {report.found}",
+            )
+        elif confirmation.state is LearningState.INVALID:
+            report = replace(report, news=f"dropped: {report.found}: {confirmation.reason}")
+        self._send(report)
+        if confirmation.state is LearningState.INVALID:
+            self.learned = self._confirmation = None
+            self._examined_us = now_us
+        return True
+
+    def _predict(
+        self, learned: LearnedModel, from_us: int, to_us: int, span_us: int
+    ) -> list[PredictedSpan]:
+        """Predicted spans; none where the readings do not allow it."""
+        training_us = round(self.settings.training_s * 1e6)
+        with self._lock:
+            readings = self._record.between(from_us - training_us, to_us + round(EDGE_S * 1e6))
+        try:
+            drive = build_drive(readings, self._configuration)
+            return predict_spans(drive, learned.model, from_us, span_us, SPANS_AT_ONCE)
+        except InputError:
+            # Nothing to be learned from these readings: a standstill, or a hole.
+            return []
+
+    # ---------------------------------------------------------------------------------- reports
+
+    def _send(self, report: LearningReport) -> None:
+        """Write the model's file where its state is new, and report."""
+        if report.news and self._folder is not None:
+            report = self._with_file(report, self._folder)
+        self._report = report
+        self._tell(report)
+
+    def _with_file(self, report: LearningReport, folder: Path) -> LearningReport:
+        if self.learned is None or self._confirmation is None:
+            return report
+        try:
+            path = write_learned(folder, self.learned, self._confirmation)
+        except InputError as error:
+            return replace(report, news=f"{report.news}; not written: {error}", path="")
+        return replace(report, path=str(path))
+
+
+def _main_sizes(learned: LearnedModel) -> tuple[LearnedCause, ...]:
+    """First parameter of each cause."""
+    return tuple(
+        LearnedCause(cause.effect, value.value, value.std, value.unit)
+        for cause in learned.causes
+        for value in cause.parameters[:1]
+    )

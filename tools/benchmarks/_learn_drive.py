@@ -1,0 +1,134 @@
+"""One drive for `tools/bench learn`: the service without a model, what the learner makes of its
+readings, and the service with the model that was learned and with the true one."""
+
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+
+import numpy as np
+from _truth_drive import measure
+
+from tests.worlds import make_world
+from tests.worlds.hidden import Hidden
+from tests.worlds.world import World
+
+SIZES = {
+    "speed_scale": ("", {"error": -0.01}),
+    "effort_bias": ("", {"bias": 9e3}),
+    "adhesion_recovery": ("", {"gain": 4e-7, "time": 3.0}),
+    "rail_cleaning": ("", {"gain": 0.02}),
+}
+"""Form and size of what is hidden: the speed reads 1 % low, the efforts 9 kN high, slip work cleans
+the rail, each axle finds a cleaner rail. The worlds that hide it have formulas of their own."""
+SOUND = "null:0"
+"""Kind of a drive that hides nothing."""
+LOADED_S = 600.0
+"""Time from which the service has the model that was learned, s."""
+STEP_US = 1_000_000
+"""Time between two looks of the learner at what has come, µs."""
+
+
+class SizedWorld(World):
+    """A world that hides its effect with a size that is given, and not drawn."""
+
+    def _sized(self, names, excess):  # noqa: ARG002  what the sizes are is given
+        hidden = tuple(Hidden(name, *SIZES[name]) for name in names)
+        return hidden, tuple(self._excess(one) for one in hidden)
+
+
+def run_drive(task):
+    """Record of a drive, fit for JSON; `task` has kind, seed, duration in s, and `with_true`."""
+    kind, seed, duration_s, with_true = task
+    record = {"kind": kind, "seed": seed, "duration_s": duration_s}
+    began = time.perf_counter()
+    with TemporaryDirectory(prefix="learn-") as folder:
+        log = Path(folder) / "drive.log"
+        try:
+            truth = make_drive(kind, seed, log, duration_s)
+            record["plain"], doubts = measure_plain(truth, log)
+            learned = learn(log, doubts, Path(folder))
+            record |= {name: value for name, value in vars(learned).items() if name != "path"}
+            if kind != SOUND:
+                model = learned.path if learned.confirmed_s is not None else None
+                if model and learned.confirmed_s <= LOADED_S < duration_s:
+                    record["model"] = measure(truth, log, model, LOADED_S).to_dict()
+                if with_true:
+                    record["true"] = measure(truth, log, true_model(truth)).to_dict()
+        except Exception as error:  # noqa: BLE001  whatever it was: it is the finding
+            record["error"] = repr(error)[:500]
+    record["seconds"] = round(time.perf_counter() - began, 1)
+    return record
+
+
+def make_drive(kind, seed, log, duration_s):
+    """Write a drive; its truth."""
+    if kind == SOUND:
+        return make_world(kind, seed, log, duration_s=duration_s)
+    world = SizedWorld(kind, seed, 0, duration_s)
+    return world.written((kind,), log, (0.0, np.inf), fresh=False)
+
+
+def measure_plain(truth, log):
+    """Figures of the service without a model, and its doubt over time as (s, name) columns."""
+    from adhesion_can import replay
+
+    table = replay(log)
+    return measure(truth, log, None, table=table).to_dict(), (table["time_s"], table["doubt"])
+
+
+def learn(log, doubts, folder):
+    """What a learner proposes and confirms, fed with the readings of a drive second by second."""
+    from adhesion_can.config import load_configuration
+    from adhesion_can.learning.learner import Learner
+    from adhesion_can.learning.record import ReadingRecord
+    from adhesion_can.offline.load_traces import load_traces
+    from adhesion_can.physics.doubt import Doubt
+    from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+
+    config = load_configuration()
+    blocks = blocks_in_sequence(open_recordings([log]), config.service.restart_s)
+    drive = ReadingRecord(window_s=1e9, most_readings=10**9)
+    for key, parts in load_traces(blocks, config, str(log)).columns.items():
+        for stamps, values in parts:
+            drive.add({key: (stamps, values)})
+    told = SimpleNamespace(
+        proposed_s=None, confirmed_s=None, dropped=0, proposals=0, found="", outcome="", path=None
+    )
+    begin_us = drive.begin_us
+
+    def tell(report):
+        now_s = (report.t_us - begin_us) / 1e6
+        told.outcome = report.outcome
+        if report.state == "estimated" and report.news:
+            told.proposals += 1
+            told.found = report.found
+            told.proposed_s = now_s if told.proposed_s is None else told.proposed_s
+        elif report.state == "confirmed" and report.news:
+            told.confirmed_s, told.path = now_s, Path(report.path)
+        elif report.state == "invalid":
+            told.dropped += 1
+
+    learner = Learner(config, folder, tell)
+    times, names = doubts
+    for from_us in range(begin_us, drive.end_us + 1, STEP_US):
+        to_us = from_us + STEP_US
+        place = max(int(np.searchsorted(times, to_us / 1e6)) - 1, 0)
+        learner.add(drive.between(from_us, to_us), Doubt[names[place] or "NOT_AVAILABLE"])
+        while learner.work():
+            pass
+    return told
+
+
+def true_model(truth):
+    """The extended model that holds what a drive hides."""
+    from adhesion_can.estimation.extended.model import ExtendedModel
+    from adhesion_can.physics.effects import ActiveEffect, forms_of_effect
+
+    actives = []
+    for hidden in truth.effects:
+        effect = next(one for one in forms_of_effect(hidden.effect) if one.form == hidden.form)
+        values = tuple(float(hidden.parameters[p.name]) for p in effect.parameters)
+        actives.append(ActiveEffect(effect, values))
+    first = truth.surfaces[0]
+    return ExtendedModel((first.c1, first.c2, first.c3), effects=tuple(actives))
