@@ -38,7 +38,6 @@ from adhesion_can.cli.stderr_behind import stderr_behind
 from adhesion_can.config import Configuration
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.behind import done_within
-from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import read_counters
 from adhesion_can.service.file_lock import file_lock
 from adhesion_can.service.frame_log import LogBehind
@@ -136,7 +135,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             observers.append(keeper.observe)
         learning = start_learning(options, config, stack, narrator)
         manager = ServiceManager(os.environ)
-        core = ServiceCore(config, on_setpoint=partial(tell_all, observers))
+        core = learning.make_core(config, partial(tell_all, observers))
         bus = ReconnectingBus(
             bus_opener(options), core.ids, narrator.warn, wait_for_it=options.wait
         )
@@ -157,7 +156,7 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         if options.metrics is not None:
             address = serve_metrics(stack, options.metrics, service, log, learning.metrics)
             narrator.print(f"metrics at {address}")
-        _obey_signals(service, log, has_terminal=has_terminal)
+        _obey_signals(service, log, learning, has_terminal=has_terminal)
         # Said last: who waits for it may send a signal at once.
         narrator.print(f"listening on {name}; Ctrl-C ends")
         manager.ready(f"listening on {name}")
@@ -207,7 +206,9 @@ def _describe_run(service: LiveService, log: LogBehind | None) -> dict[str, Any]
     }
 
 
-def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: bool) -> None:
+def _obey_signals(
+    service: LiveService, log: LogBehind | None, learning: RunLearning, *, has_terminal: bool
+) -> None:
     """Have signals end the service with its last frames, or start another log."""
 
     def stop(_: int, __: FrameType | None) -> None:
@@ -219,6 +220,7 @@ def _obey_signals(service: LiveService, log: LogBehind | None, *, has_terminal: 
             service.stop()
         elif log is not None:
             log.request_next()
+            learning.expect_new_log()
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
         signal.signal(number, stop)

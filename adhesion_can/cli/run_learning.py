@@ -1,4 +1,4 @@
-"""`run --learn`: the service diagnoses itself in a process of low priority, and proposes models."""
+"""`run --learn`: the service diagnoses itself in a low-priority process, and uses what it finds."""
 
 import argparse
 import shlex
@@ -20,16 +20,17 @@ from adhesion_can.service.outputs import Outputs
 
 # Diagnosis is imported where somebody learns: it takes a second of a start.
 if TYPE_CHECKING:
+    from adhesion_can.learning.application import AppliedModels
     from adhesion_can.learning.companion import LearningCompanion
-    from adhesion_can.learning.report import LearningReport
 
 
 def add_learning(parser: argparse.ArgumentParser) -> None:
     """Options --learn, --learn-to and --learn-every."""
     parser.add_argument(
         "--learn",
-        choices=("propose",),
-        help="diagnose the readings in a process of low priority; write what is wrong as a model",
+        choices=("propose", "apply"),
+        help="diagnose the readings in a process of low priority; write what is wrong as a model; "
+        "'apply' also uses it while it predicts better",
     )
     parser.add_argument(
         "--learn-to",
@@ -53,16 +54,36 @@ class RunLearning:
         companion: Process of the learner; None: nothing is learned.
         narrator: Lines for the operator.
         argv: Words of the command line after the command's own name.
+        applied: What uses confirmed models; None: they are proposed alone.
 
     """
 
     def __init__(
-        self, companion: "LearningCompanion | None", narrator: Narrator, argv: Sequence[str]
+        self,
+        companion: "LearningCompanion | None",
+        narrator: Narrator,
+        argv: Sequence[str],
+        applied: "AppliedModels | None" = None,
     ) -> None:
         self._companion = companion
+        self._applied = applied
+        self._has_new_log = False
+        self._restarts = 0
         self._log: LogBehind | None = None
         self._narrator = narrator
         self._argv = tuple(argv)
+
+    def make_core(
+        self, config: Configuration, on_setpoint: Callable[[int, Outputs], None]
+    ) -> ServiceCore:
+        """Core of the service, which can change its model where that is asked for."""
+        if self._applied is None:
+            return ServiceCore(config, on_setpoint=on_setpoint)
+        from adhesion_can.learning.correcting_core import CorrectingCore  # noqa: PLC0415
+
+        core = CorrectingCore(config, on_model=self._applied.note, on_setpoint=on_setpoint)
+        self._applied.change(core)
+        return core
 
     def observe(
         self,
@@ -79,27 +100,54 @@ class RunLearning:
 
         """
         self._log = log
+        if self._applied is not None and log is not None:
+            self._applied.write_log = log.write
         if self._companion is not None:
             core.on_readings = self._companion.observe_readings
             observers.append(self._companion.observe_setpoint)
 
+    def expect_new_log(self) -> None:
+        """Take note that another log begins; safe from a signal handler."""
+        self._has_new_log = True
+
     def look(self) -> None:
-        """Report news, if there are any; never waits."""
-        news = None if self._companion is None else self._companion.take_news()
+        """Report news, if there are any, and change the model as they ask; never waits."""
+        if self._companion is None:
+            return
+        if self._applied is not None:
+            if self._has_new_log:
+                self._has_new_log = False
+                self._applied.log_again()
+            self._say(self._applied.take_news())
+            if self._companion.restarts != self._restarts:
+                self._restarts = self._companion.restarts
+                if self._applied.take_back():
+                    self._say("nobody watched the model while the learning process was down")
+        news = self._companion.take_news()
         if news is None:
             return
-        for line in self._lines(news):
-            self._narrator.warn(f"--learn: {line}")
-            if self._log is not None:
-                # Replay passes over comments, as over those on lost lines.
-                self._log.write(f"# learn: {printable(line)}\n")
+        self._say(news.news)
+        if self._applied is not None:
+            self._say(self._applied.obey(news))
+        elif news.state == "confirmed" and news.path:
+            self._say(f"to use it, type: {command_with_model(self._argv, news.path)}")
+
+    def _say(self, line: str) -> None:
+        """Tell the operator and the log; '' says nothing."""
+        if not line:
+            return
+        self._narrator.warn(f"--learn: {line}")
+        if self._log is not None:
+            # Replay passes over comments, as over those on lost lines.
+            self._log.write(f"# learn: {printable(line)}\n")
 
     def fields(self) -> dict[str, Any]:
         """Latest report with what was lost, as JSON has it; nothing where nothing is learned."""
         if self._companion is None:
             return {}
         lost = {"lost_s": self._companion.lost_s, "restarts": self._companion.restarts}
-        return {"learning": self._companion.report.to_dict() | lost}
+        applied = {} if self._applied is None else {"applied": self._applied.is_applied}
+        return {"learning": self._companion.report.to_dict() | lost | applied}
 
     def metrics(self) -> Iterable[Any]:
         """Figures for Prometheus; none where nothing is learned."""
@@ -108,12 +156,6 @@ class RunLearning:
         from adhesion_can.learning.metrics import collect_learning  # noqa: PLC0415  an extra
 
         return collect_learning(self._companion)
-
-    def _lines(self, news: "LearningReport") -> list[str]:
-        lines = [news.news]
-        if news.state == "confirmed" and news.path:
-            lines.append(f"to use it, type: {command_with_model(self._argv, news.path)}")
-        return lines
 
 
 def command_with_model(argv: Sequence[str], path: str) -> str:
@@ -152,6 +194,13 @@ def start_learning(
             raise InputError("--learn-to", "nothing is learned", "add --learn propose")
         return RunLearning(None, narrator, ())
     require_positive(options.learn_every, "--learn-every", "minutes")
+    applies = options.learn == "apply"
+    if applies and config.model is not None:
+        raise InputError(
+            "--learn apply",
+            "--model is given, whose place a learned model would take",
+            "leave out --model, or take --learn propose",
+        )
     folder = _folder(options)
     from adhesion_can.learning.child import LearningTask  # noqa: PLC0415
     from adhesion_can.learning.companion import LearningCompanion  # noqa: PLC0415
@@ -163,7 +212,11 @@ def start_learning(
     companion = LearningCompanion(task, narrator.warn)
     stack.callback(companion.close)
     narrator.print(f"--learn: models are written to {folder}")
-    return RunLearning(companion, narrator, sys.argv[1:])
+    if not applies:
+        return RunLearning(companion, narrator, sys.argv[1:])
+    from adhesion_can.learning.application import AppliedModels  # noqa: PLC0415
+
+    return RunLearning(companion, narrator, sys.argv[1:], AppliedModels())
 
 
 def _folder(options: argparse.Namespace) -> Path:

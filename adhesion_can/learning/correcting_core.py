@@ -90,9 +90,8 @@ class CorrectingCore(ServiceCore):
         self._changes.sort(key=lambda one: one.t_us)
 
     def next_change_us(self) -> int:
-        """Earliest time of a change, µs, that nothing which was worked ahead can have passed."""
-        cycle_us = max(self.messages.cycles_us.values())
-        return (self.schedule.next_due_us or self.now_us) + cycle_us
+        """Earliest time of a change, µs, behind the due time for which work was done ahead."""
+        return (self.schedule.next_due_us or self.now_us) + 1
 
     @property
     def has_work_ahead(self) -> bool:
