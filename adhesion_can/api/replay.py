@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from adhesion_can.api.configuration import ConfigurationLike, ModelLike, as_configuration
 from adhesion_can.api.inputs import RecordingLike, as_recordings, name_of
+from adhesion_can.api.replayed_models import ReplayedModels
 from adhesion_can.offline.recording_fit import SeenIds, require_fit
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.reporting.setpoints import COLUMNS, setpoint_row
 from adhesion_can.result_text import html_table
-from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.replay import replay_blocks, require_frames_in_span
+from adhesion_can.service.replay import require_frames_in_span
 
 
 class SetpointTable(dict[str, NDArray[Any]]):
@@ -82,12 +82,13 @@ def replay(
 
     opened, seen = as_recordings(recordings), SeenIds()
     where = name_of(opened)
-    core = ServiceCore(settings, lambda: settings.make_estimator(estimator), add)
+    models = ReplayedModels(opened)
+    core = models.make_core(settings, estimator, add)
     blocks = in_seconds(
         blocks_in_sequence(opened, settings.service.restart_s), settings.messages, where
     )
     read = seen.watch(blocks)
-    summary = replay_blocks(read, core, lambda _: None, from_s=from_s, to_s=to_s)
+    summary = models.run(read, core, lambda _: None, from_s=from_s, to_s=to_s)
     require_frames_in_span(summary, from_s, where)
     samples = core.counts.samples
     require_fit(core.receiver, summary.frames, seen, settings, where, samples=samples)

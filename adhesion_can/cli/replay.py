@@ -11,6 +11,7 @@ from typing import Any
 
 from rich.console import RenderableType
 
+from adhesion_can.api.replayed_models import ReplayedModels
 from adhesion_can.bus.block import Block, Kind
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.common import (
@@ -24,7 +25,6 @@ from adhesion_can.cli.common import (
 from adhesion_can.cli.next_step import typed_words
 from adhesion_can.cli.outputs import add_file, add_json, require_candump_name, require_outputs
 from adhesion_can.cli.reading import reading
-from adhesion_can.cli.replayed_models import ReplayedModels
 from adhesion_can.cli.reports import Result, add_report, is_asked_for
 from adhesion_can.config import Configuration
 from adhesion_can.errors import InputError
@@ -53,7 +53,7 @@ from adhesion_can.reporting.text import FittingTable
 from adhesion_can.result_text import plus_minus
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.outputs import Outputs
-from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks, require_frames_in_span
+from adhesion_can.service.replay import ReplaySummary, require_frames_in_span
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -131,11 +131,7 @@ def run(options: argparse.Namespace) -> int:
         )
         read = watched(blocks_in_sequence(recordings, config.service.restart_s))
         blocks = channel.watch(seen.watch(in_seconds(read, config.messages, where)))
-        if options.realtime or not models.is_fixed:
-            items = chain.from_iterable(block.items() for block in blocks)
-            summary = replay(items, core, send, **span, realtime=options.realtime)
-        else:
-            summary = replay_blocks(blocks, core, send, **span)
+        summary = models.run(blocks, core, send, **span, realtime=options.realtime)
         for recording in recordings:
             summary.kinds.update(recording.report.kinds)
         require_frames_in_span(summary, options.from_s, where)

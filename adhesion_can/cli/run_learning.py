@@ -79,7 +79,7 @@ class RunLearning:
         """Core of the service, which can change its model where that is asked for."""
         if self._applied is None:
             return ServiceCore(config, on_setpoint=on_setpoint)
-        from adhesion_can.learning.correcting_core import CorrectingCore  # noqa: PLC0415
+        from adhesion_can.service.correcting_core import CorrectingCore  # noqa: PLC0415
 
         core = CorrectingCore(config, on_model=self._applied.note, on_setpoint=on_setpoint)
         self._applied.change(core)

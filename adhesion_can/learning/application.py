@@ -8,9 +8,9 @@ from adhesion_can.config.model_file import read_model
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.learning.confirmation import LearningState
-from adhesion_can.learning.correcting_core import CorrectingCore
-from adhesion_can.learning.model_changes import ModelChange
 from adhesion_can.learning.report import LearningReport
+from adhesion_can.service.correcting_core import CorrectingCore
+from adhesion_can.service.model_changes import ModelChange
 
 
 class AppliedModels:

@@ -6,11 +6,11 @@ from adhesion_can.config import load_configuration
 from adhesion_can.config.model_file import write_model
 from adhesion_can.learning.application import AppliedModels
 from adhesion_can.learning.confirmation import LearningState
-from adhesion_can.learning.correcting_core import CorrectingCore
-from adhesion_can.learning.model_changes import read_model_changes
 from adhesion_can.learning.report import LearningReport
-from tests.learning.test_correcting_core import drive
-from tests.learning.test_model_changes import model_of
+from adhesion_can.service.correcting_core import CorrectingCore
+from adhesion_can.service.model_changes import read_model_changes
+from tests.service.test_correcting_core import drive
+from tests.service.test_model_changes import model_of
 
 CONFIG = load_configuration()
 

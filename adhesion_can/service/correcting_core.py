@@ -13,7 +13,6 @@ from math import hypot, isfinite
 
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.learning.model_changes import ModelChange
 from adhesion_can.physics.readings import Reading
 from adhesion_can.physics.samples import Samples
 from adhesion_can.physics.status import Status
@@ -21,6 +20,7 @@ from adhesion_can.sampling.column_former import Readings
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.estimation_loop import EstimationLoop
 from adhesion_can.service.inputs import FrameInputs, InputSnapshot
+from adhesion_can.service.model_changes import ModelChange
 from adhesion_can.service.outputs import OutputBuilder, Outputs
 from adhesion_can.service.states import StatusMachine
 

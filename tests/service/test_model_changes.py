@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from adhesion_can.errors import ConfigError, RecordingError
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.learning.model_changes import ModelChange, read_model_changes
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.recordings.candump import read_line
 from adhesion_can.recordings.recording import Recording
+from adhesion_can.service.model_changes import ModelChange, read_model_changes
 
 SIZES = st.floats(-0.02, 0.02, allow_subnormal=False)
 TIMES = st.integers(0, 10**15)

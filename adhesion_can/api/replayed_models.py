@@ -1,16 +1,22 @@
-"""Models that a service with `--learn apply` changed to, as its log tells `replay`."""
+"""Models that a service with `--learn apply` changed to, as their logs tell."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any
 
+from adhesion_can.bus.block import Block
+from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.samples import Samples
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.correcting_core import CorrectingCore
+from adhesion_can.service.model_changes import read_model_changes
 from adhesion_can.service.outputs import Outputs
+from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
 
 
 class ReplayedModels:
@@ -25,10 +31,6 @@ class ReplayedModels:
     """
 
     def __init__(self, recordings: Sequence[Recording]) -> None:
-        from adhesion_can.learning.model_changes import (  # noqa: PLC0415  it takes time to import
-            read_model_changes,
-        )
-
         self._changes = [
             change
             for recording in recordings
@@ -46,8 +48,8 @@ class ReplayedModels:
         config: Configuration,
         estimator: str | None,
         on_setpoint: Callable[[int, Outputs], None],
-        on_samples: Callable[[Samples], None],
-        on_readings: Callable[[Readings], None] | None,
+        on_samples: Callable[[Samples], None] | None = None,
+        on_readings: Callable[[Readings], None] | None = None,
     ) -> ServiceCore:
         """Core that changes its model as the service did.
 
@@ -65,8 +67,6 @@ class ReplayedModels:
         if self.is_fixed:
             make = partial(config.make_estimator, estimator)
             return ServiceCore(config, make, on_setpoint, on_samples, on_readings)
-        from adhesion_can.learning.correcting_core import CorrectingCore  # noqa: PLC0415
-
         return CorrectingCore(
             config,
             self._changes,
@@ -76,6 +76,32 @@ class ReplayedModels:
             on_samples=on_samples,
             on_readings=on_readings,
         )
+
+    def run(
+        self,
+        blocks: Iterable[Block],
+        core: ServiceCore,
+        send: Callable[[Frame], None],
+        *,
+        from_s: float = 0.0,
+        to_s: float | None = None,
+        realtime: bool = False,
+    ) -> ReplaySummary:
+        """Run recorded blocks through the core that `make_core` gave.
+
+        Args:
+            blocks: Blocks in the order of the recordings.
+            core: The core.
+            send: Callback with each frame that the service sends.
+            from_s: Start of the part that is replayed, s after the first frame.
+            to_s: End of that part (inclusive), s after the first frame; None for the last frame.
+            realtime: Whether to keep the speed of the recording.
+
+        """
+        if self.is_fixed and not realtime:
+            return replay_blocks(blocks, core, send, from_s=from_s, to_s=to_s)
+        items = chain.from_iterable(block.items() for block in blocks)
+        return replay(items, core, send, from_s=from_s, to_s=to_s, realtime=realtime)
 
     def sentences(self, first_us: int) -> Iterator[str]:
         """Which model took over when.

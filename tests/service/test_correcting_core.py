@@ -12,13 +12,13 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import ExtendedModel
-from adhesion_can.learning.correcting_core import WARM_US, CorrectingCore
-from adhesion_can.learning.model_changes import ModelChange
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
-from tests.learning.test_model_changes import model_of
+from adhesion_can.service.correcting_core import WARM_US, CorrectingCore
+from adhesion_can.service.model_changes import ModelChange
+from tests.service.test_model_changes import model_of
 from tests.wire import decoded
 
 CONFIG = load_configuration()
