@@ -73,7 +73,7 @@ class ModelConfirmation:
 
     @property
     def spans(self) -> int:
-        """Number of spans of fresh readings that told the models apart."""
+        """Number of spans of fresh readings that distinguished the models."""
         return self._test.spans
 
     @property

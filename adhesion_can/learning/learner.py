@@ -62,7 +62,7 @@ class Learner:
     Args:
         configuration: Vehicle, roles and settings of the service, without a model.
         folder: Folder of the model files; None: none is written.
-        tell: Callback with each report.
+        report: Callback with each report.
         settings: Times of the work; None: the defaults.
         in_use: Names of the effects of the model that the service uses, which are not proposed.
 
@@ -72,7 +72,7 @@ class Learner:
         self,
         configuration: Configuration,
         folder: Path | None,
-        tell: Callable[[LearningReport], object],
+        report: Callable[[LearningReport], object],
         settings: LearningSettings | None = None,
         in_use: Collection[str] = (),
     ) -> None:
@@ -82,7 +82,7 @@ class Learner:
         self._in_use = frozenset(in_use)
         self._configuration = configuration
         self._folder = folder
-        self._tell = tell
+        self._tell = report
         self._record = ReadingRecord(self.settings.window_s, configuration.service.restart_s)
         self._lock = threading.Lock()
         self._doubt_since_us: int | None = None

@@ -28,10 +28,10 @@ from adhesion_can.estimation.extended.model import ExtendedModel
 LEAST_TRAINING_ROWS = 500
 """Least number of rows that the curves are fitted to."""
 LEAST_ROWS = 60
-"""Least number of rows of a span that tells models apart."""
+"""Least number of rows of a span that distinguishes models."""
 LEAST_DIFFERENCE = 0.1
 """Least difference of two predictions, in standard deviations of the noise (RMS of a span), for
-the span to tell them apart. It depends on what is predicted, not on what came."""
+the span to distinguish them. It depends on the predictions, not on their errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class PredictedSpan:
 def predict_spans(
     drive: DriveData, model: ExtendedModel, from_us: int, span_us: int, spans: int
 ) -> list[PredictedSpan]:
-    """Spans that tell a model from the plain curve, with the errors of both predictions.
+    """Spans that distinguish a model from the plain curve, with the errors of both predictions.
 
     Args:
         drive: Drive data of the spans and of the time before, to which the curves are fitted.

@@ -56,7 +56,7 @@ def find_objection(whole: Diagnosis) -> str:
         return f"{at_bound[0]} is at the end of its range"
     rivals = [cause for cause in whole.causes if cause.rivals]
     if rivals:
-        return f"{rivals[0].effect} cannot be told from {' or '.join(rivals[0].rivals)}"
+        return f"{rivals[0].effect} cannot be distinguished from {' or '.join(rivals[0].rivals)}"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""What a learner tells the service: values that go through a pipe as JSON, a line each."""
+"""Reports of a learner to the service: values that go through a pipe as JSON, a line each."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -38,7 +38,7 @@ class LearningReport:
         path: File of the model; '' where there is none.
         examined: Number of diagnoses of the whole record.
         proposed: Number of models that were proposed.
-        spans: Number of spans of fresh readings that told the model from the plain curve.
+        spans: Number of spans of fresh readings that distinguished the model from the plain curve.
         won: Number of those spans that the model predicted better.
         outcome: Outcome of the latest diagnosis, a clause; '' before the first.
 

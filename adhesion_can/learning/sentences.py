@@ -52,7 +52,7 @@ def _wheel_radius(values: _Values) -> str:
 def _rail_cleaning(values: _Values) -> str:
     gain = values["gain"]
     side = "more" if gain.value > 0.0 else "less"
-    return f"each axle finds {_size(gain, 100, '%')} {side} adhesion than the axle in front of it"
+    return f"each axle finds {_size(gain, 100, '%')} {side} adhesion than the axle ahead"
 
 
 def _side(value: float) -> str:

@@ -90,7 +90,7 @@ def test_the_number_of_an_axle_is_no_size():
         ),
         (
             cause("rail_cleaning", (0.02,), (0.002,)),
-            "each axle finds 2.00 ± 0.20 % more adhesion than the axle in front of it",
+            "each axle finds 2.00 ± 0.20 % more adhesion than the axle ahead",
         ),
     ],
 )
