@@ -1,4 +1,4 @@
-"""Whole drives of the tests' own worlds: proposed, confirmed and loaded; live; where all is well."""
+"""Whole drives of the tests' own worlds: proposed, confirmed, loaded; live; where all is well."""
 
 import threading
 import time

@@ -1,5 +1,5 @@
 """One drive for `tools/bench learn`: the service without a model, what the learner makes of its
-readings, and the service with the model that was learned and with the true one."""
+readings, and the service that applies it, and with the true model."""
 
 import time
 from pathlib import Path
@@ -24,7 +24,7 @@ the rail, each axle finds a cleaner rail. The worlds that hide it have formulas 
 SOUND = "null:0"
 """Kind of a drive that hides nothing."""
 LOADED_S = 600.0
-"""Time from which the service has the model that was learned, s."""
+"""Time from which a service that applies what it learns is judged, s."""
 STEP_US = 1_000_000
 """Time between two looks of the learner at what has come, µs."""
 
@@ -48,11 +48,10 @@ def run_drive(task):
             truth = make_drive(kind, seed, log, duration_s)
             record["plain"], doubts = measure_plain(truth, log)
             learned = learn(log, doubts, Path(folder))
-            record |= {name: value for name, value in vars(learned).items() if name != "path"}
+            record |= {name: value for name, value in vars(learned).items() if name != "changes"}
             if kind != SOUND:
-                model = learned.path if learned.confirmed_s is not None else None
-                if model and learned.confirmed_s <= LOADED_S < duration_s:
-                    record["model"] = measure(truth, log, model, LOADED_S).to_dict()
+                if duration_s > LOADED_S:
+                    record["applied"] = measure_applied(truth, log, learned.changes)
                 if with_true:
                     record["true"] = measure(truth, log, true_model(truth)).to_dict()
         except Exception as error:  # noqa: BLE001  whatever it was: it is the finding
@@ -77,14 +76,32 @@ def measure_plain(truth, log):
     return measure(truth, log, None, table=table).to_dict(), (table["time_s"], table["doubt"])
 
 
+def measure_applied(truth, log, changes):
+    """Figures from 600 s on of a service that changed its model as `--learn apply` does.
+
+    Its log has the changes; what it sent before them is what it sent without them.
+    """
+    from adhesion_can import replay
+
+    with log.open("a") as file:
+        file.writelines(change.to_line() for change in changes)
+    table = replay(log)
+    late = table["time_s"] >= LOADED_S + table["time_s"][0]
+    return measure(
+        truth, log, None, table={name: column[late] for name, column in table.items()}
+    ).to_dict()
+
+
 def learn(log, doubts, folder):
     """What a learner proposes and confirms, fed with the readings of a drive second by second."""
     from adhesion_can.config import load_configuration
+    from adhesion_can.config.model_file import read_model
     from adhesion_can.learning.learner import Learner
     from adhesion_can.learning.record import ReadingRecord
     from adhesion_can.offline.load_traces import load_traces
     from adhesion_can.physics.doubt import Doubt
     from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+    from adhesion_can.service.model_changes import ModelChange
 
     config = load_configuration()
     blocks = blocks_in_sequence(open_recordings([log]), config.service.restart_s)
@@ -93,7 +110,7 @@ def learn(log, doubts, folder):
         for stamps, values in parts:
             drive.add({key: (stamps, values)})
     told = SimpleNamespace(
-        proposed_s=None, confirmed_s=None, dropped=0, proposals=0, found="", outcome="", path=None
+        proposed_s=None, confirmed_s=None, dropped=0, proposals=0, found="", outcome="", changes=[]
     )
     begin_us = drive.begin_us
 
@@ -105,9 +122,11 @@ def learn(log, doubts, folder):
             told.found = report.found
             told.proposed_s = now_s if told.proposed_s is None else told.proposed_s
         elif report.state == "confirmed" and report.news:
-            told.confirmed_s, told.path = now_s, Path(report.path)
+            told.confirmed_s = now_s
+            told.changes.append(ModelChange(report.t_us, read_model(Path(report.path))))
         elif report.state == "invalid":
             told.dropped += 1
+            told.changes.append(ModelChange(report.t_us, None))
 
     learner = Learner(config, folder, tell)
     times, names = doubts

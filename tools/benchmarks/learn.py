@@ -1,5 +1,5 @@
-"""A service that diagnoses itself: TRACKING with and without the model that it proposes from its
-own readings, and what it proposes where nothing is wrong."""
+"""A service that corrects itself: TRACKING with and without the model that it learns from its own
+readings and applies, and what it learns where nothing is wrong."""
 
 import argparse
 import json
@@ -22,7 +22,7 @@ LEAST_TRACKING, MOST_WRONG = 0.85, 0.01
 """Share of the time with TRACKING from 600 s on, and with TRACKING and a wrong setpoint."""
 HEAD = (
     "hidden", "seed", "TRACKING %", "and wrong %", "proposed s", "confirmed s",
-    "TRACKING %, learned", "and wrong %", "TRACKING %, true", "and wrong %", "found",
+    "TRACKING %, applied", "and wrong %", "TRACKING %, true", "and wrong %", "found",
 )  # fmt: skip
 
 
@@ -47,11 +47,11 @@ def row(record):
     """Cells of a drive."""
     if "error" in record:
         return (record["kind"], str(record["seed"]), record["error"], *[""] * (len(HEAD) - 3))
-    cells = {way: tuple(map(percent, shares(record, way))) for way in ("plain", "model", "true")}
+    cells = {way: tuple(map(percent, shares(record, way))) for way in ("plain", "applied", "true")}
     times = (seconds(record["proposed_s"]), seconds(record["confirmed_s"]))
     found = record["found"] or record["outcome"]
     return (
-        record["kind"], str(record["seed"]), *cells["plain"], *times, *cells["model"],
+        record["kind"], str(record["seed"]), *cells["plain"], *times, *cells["applied"],
         *cells["true"], found,
     )  # fmt: skip
 
@@ -61,8 +61,8 @@ def targets(records):
     found = []
     hiding = [record for record in records if record["kind"] != SOUND and "error" not in record]
     for kind in dict.fromkeys(record["kind"] for record in hiding):
-        own = [shares(record, "model") for record in hiding if record["kind"] == kind]
-        # A drive without a confirmed model has none of it.
+        own = [shares(record, "applied") for record in hiding if record["kind"] == kind]
+        # A drive that failed has none of it.
         least = min(tracking or 0.0 for tracking, _ in own)
         most = max(wrong or 0.0 for _, wrong in own)
         of = f"{kind}, from {LOADED_S:g} s on"
