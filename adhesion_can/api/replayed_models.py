@@ -1,4 +1,4 @@
-"""Models that a service with `--learn apply` changed to, as their logs tell."""
+"""Models that a service with `--learn apply` changed to, as their logs have it."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial

@@ -122,7 +122,7 @@ class RunLearning:
             if self._companion.restarts != self._restarts:
                 self._restarts = self._companion.restarts
                 if self._applied.take_back():
-                    self._say("nobody watched the model while the learning process was down")
+                    self._say("the model was not checked while the learning process was down")
         news = self._companion.take_news()
         if news is None:
             return
