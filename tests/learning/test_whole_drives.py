@@ -10,6 +10,7 @@ import pytest
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
 from adhesion_can.config.model_file import read_model
+from adhesion_can.learning.application import AppliedModels
 from adhesion_can.learning.child import LearningTask
 from adhesion_can.learning.companion import LearningCompanion
 from adhesion_can.learning.confirmation import LearningState
@@ -19,6 +20,8 @@ from adhesion_can.physics.doubt import Doubt
 from adhesion_can.recordings.candump import ReadReport, read_candump
 from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.service.core import ServiceCore
+from adhesion_can.service.correcting_core import CorrectingCore
+from adhesion_can.service.model_changes import read_model_changes
 from tests.learning.test_prediction import readings_of
 from tests.service.test_core import FixedEstimator
 from tests.service.test_live import Running, opened, wall_clock
@@ -48,13 +51,19 @@ def learn(log, folder, doubt, settings=None):
     return reports
 
 
-def write_fault_in_the_middle(log, duration_s, seed=1):
-    """A drive whose vehicle speed reads wrong from `FAULT_S` on."""
+def write_fault_in_the_middle(log, duration_s, seed=1, back_s=np.inf):
+    """A drive whose vehicle speed reads wrong from `FAULT_S` on until it is right again."""
     world = World("null:0", seed, 0, duration_s)
     readings = drive(world.profile, world.vehicle, world.rail, (), world.noise)
     t_s = 0.02 * np.arange(len(readings.speed))
-    off = np.where(t_s >= FAULT_S, 1.0 + ERROR, 1.0)
+    off = np.where((t_s >= FAULT_S) & (t_s < back_s), 1.0 + ERROR, 1.0)
     write_log(replace(readings, speed=off * readings.speed), log)
+
+
+def frames_of(log):
+    """Frames of a log."""
+    items = read_candump(log.read_bytes().splitlines(), ReadReport())
+    return [item for item in items if isinstance(item, Frame)]
 
 
 @pytest.mark.slow
@@ -97,17 +106,66 @@ def test_a_sensor_that_goes_off_in_the_middle_in_simulated_time(tmp_path):
     assert proposed.causes[0].size == pytest.approx(ERROR, rel=0.05)
 
 
+class CorrectedService:
+    """A service with `--learn apply` in simulated time, its learner in the same process."""
+
+    def __init__(self, folder):
+        self.log, self.sent, self.taken, self.reports = [], [], [], []
+        self.applied = AppliedModels(self.log.append)
+        self.core = CorrectingCore(CONFIG, on_model=self._note, on_setpoint=self._observe)
+        self.core.on_readings = self._add
+        self.applied.change(self.core)
+        self._learner = Learner(CONFIG, folder, self._hear, SHORT)
+        self._doubt, self._next_us = Doubt.NONE, 0
+
+    def feed(self, frame):
+        self.sent += self.core.feed(frame)
+        if frame.t_us >= self._next_us:
+            self._next_us = frame.t_us + 1_000_000
+            while self._learner.work():
+                pass
+
+    def _observe(self, _t_us, outputs):
+        self._doubt = outputs.doubt
+
+    def _add(self, readings):
+        self._learner.add(readings, self._doubt)
+
+    def _hear(self, report):
+        self.reports.append(report)
+        if report.news:
+            self.applied.obey(report)
+
+    def _note(self, t_us, model):
+        self.taken.append((t_us / 1e6, None if model is None else tuple(model.names)))
+
+
+@pytest.mark.slow
+def test_a_sensor_goes_off_is_corrected_goes_back_and_the_model_is_dropped(tmp_path):
+    """In simulated time; the log with its changes of the model is replayed to the same bytes."""
+    path, back_s = tmp_path / "drive.log", 360.0
+    write_fault_in_the_middle(path, 620.0, back_s=back_s)
+    service = CorrectedService(tmp_path)
+    for frame in frames_of(path):
+        service.feed(frame)
+    (applied_s, effects), (dropped_s, plain) = service.taken
+    assert FAULT_S < applied_s < back_s < dropped_s
+    assert effects == ("speed_scale",)
+    assert plain is None
+    assert service.core.model is None
+
+    changes = read_model_changes([line.encode() for line in service.log], "log")
+    again = CorrectingCore(CONFIG, changes)
+    assert [sent for frame in frames_of(path) for sent in again.feed(frame)] == service.sent
+
+
 @pytest.mark.slow
 @pytest.mark.realtime
 def test_a_sensor_that_goes_off_in_the_middle_of_a_live_bench(tmp_path):
     """On python-can's virtual bus in real time, by the process that `run --learn` starts."""
     log = tmp_path / "drive.log"
     write_fault_in_the_middle(log, 400.0)
-    frames = [
-        item
-        for item in read_candump(log.read_bytes().splitlines(), ReadReport())
-        if isinstance(item, Frame)
-    ]
+    frames = frames_of(log)
     told = []
     companion = LearningCompanion(LearningTask(CONFIG, tmp_path, SHORT), told.append)
     core = ServiceCore(CONFIG, FixedEstimator, on_setpoint=companion.observe_setpoint)
