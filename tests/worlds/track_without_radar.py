@@ -86,11 +86,11 @@ def draw_track(rngs: Sequence[np.random.Generator], speeds: Floats, train_m: flo
     rails, grades, curves, changes = [], [], [], []
     for rng, speed in zip(rngs, speeds, strict=True):
         # In its own child generators, so that the length of the longest track changes no draw.
-        rail, ground = rng.spawn(2)
+        rail, ground, bends = rng.spawn(3)
         one, places = _draw_rail(rail, float(speed), cells)
         rails.append(one)
         changes.append(places)
-        grade, curve = _draw_ground(ground, pieces)
+        grade, curve = _draw_ground(ground, bends, pieces)
         grades.append(grade)
         curves.append(curve)
     return Track(np.stack(rails, axis=1), np.array(grades), np.array(curves), train_m, changes)
@@ -126,7 +126,9 @@ def _draw_rail(rng: np.random.Generator, speed: float, cells: int) -> tuple[Floa
     return out, [float(place) for place in places]
 
 
-def _draw_ground(rng: np.random.Generator, pieces: int) -> tuple[Floats, Floats]:
+def _draw_ground(
+    rng: np.random.Generator, bends: np.random.Generator, pieces: int
+) -> tuple[Floats, Floats]:
     grade, curve = np.zeros(pieces), np.zeros(pieces)
     at, level = 0, 0.0
     while at < pieces:
@@ -139,8 +141,8 @@ def _draw_ground(rng: np.random.Generator, pieces: int) -> tuple[Floats, Floats]
         level, at = float(rise[-1]), at + length
     at = 0
     while at < pieces:
-        at += int(rng.uniform(100, 800) / GROUND)
-        length = int(rng.uniform(80, 300) / GROUND)
-        curve[at : at + length] = 0.65 / (rng.uniform(300, 1500) - 55)
+        at += int(bends.uniform(100, 800) / GROUND)
+        length = int(bends.uniform(80, 300) / GROUND)
+        curve[at : at + length] = 0.65 / (bends.uniform(300, 1500) - 55)
         at += length
     return grade, curve

@@ -207,7 +207,7 @@ class Trains:
         most = STEP_S / RELIEF_RAMP_S
         self.ramp += np.clip(goal - self.ramp, -most, most)
         self.demand = np.clip(use, 0.2, 0.97)[:, None] * self.peak * LOAD * self.confidence
-        self.demand = self.demand * self.ramp * min(1.0, t / 2.0 + 0.05)
+        self.demand = self.demand * self.ramp
 
     def _wheels(self, at, load: Floats) -> None:
         v = self.v[:, None]

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 
-FOLLOW_S = 0.2
-"""Time constant of the reference adhesion of an axle that pulls, s."""
-NEAR = 0.25
-"""Relative distance from its reference within which an axle pulls steadily, 1."""
-PATIENCE_S = 0.5
-"""Time after which an effort elsewhere is a new reference, s: longer than a relief's ramp."""
-SLOW_S = 2.0
-"""Time constant of the mean adhesion whose changes say how far the curve has been travelled, s."""
+FOLLOW_S = 0.5
+"""Time constant of the mean adhesion of an axle that pulls, s."""
+NEAR, NEAR_STD = 0.06, 2.5
+"""An axle pulls steadily within this share of its mean adhesion and so many standard deviations."""
+REFERENCE_SPAN = 0.2
+"""Relative distance of the mean adhesion from the reference at which the reference moves, 1."""
+PATIENCE_S = 0.4
+"""Time after which an effort elsewhere is a new mean, s: longer than a relief's ramp."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,20 +26,20 @@ class AxleEfforts:
         adhesion: Adhesion of the block, 1.
         free: Whether the axle hardly pulls.
         pulls: Whether it pulls steadily, so that its slip state holds.
-        distance: Relative distance of the adhesion from its reference, 1.
+        mean: Mean adhesion while it pulls, 1; NaN: it has not pulled yet.
+        relative: Mean adhesion over the reference at which the slip state holds, 1.
         ratio: Reference of this block over that of the last one, 1.
-        starts: Whether the axle pulls for the first time, or after a long time without effort.
-        travelled: |Δ ln μ| of the slow mean of the axles in this block, 1, shape (drives,).
+        starts: Whether the axle pulls for the first time.
 
     """
 
     adhesion: Array
     free: NDArray[np.bool_]
     pulls: NDArray[np.bool_]
-    distance: Array
+    mean: Array
+    relative: Array
     ratio: Array
     starts: NDArray[np.bool_]
-    travelled: Array
 
 
 class EffortWatch:
@@ -47,51 +47,40 @@ class EffortWatch:
 
     def __init__(self, drives: int, axles: int, settings: ObservedSpeedSettings) -> None:
         self._settings = settings
-        self.reference = np.full((drives, axles), np.nan)
-        """Adhesion at which the slip state of each axle holds, 1; NaN: it has not pulled yet."""
+        self.mean = np.full((drives, axles), np.nan)
+        """Mean adhesion of each axle while it pulls, 1; NaN: it has not pulled yet."""
+        self.free_s = np.zeros((drives, axles))
+        """Time for which each axle has been free, s."""
+        self._reference = np.full((drives, axles), np.nan)
         self._away_s = np.zeros((drives, axles))
-        self._free_s = np.zeros((drives, axles))
-        self._slow = np.full(drives, np.nan)
 
-    def update(self, adhesion: Array, dt: float) -> AxleEfforts:
-        """State of the axles after a block of `dt` seconds with the adhesion that they used."""
+    def update(self, adhesion: Array, dt: float, noise: float) -> AxleEfforts:
+        """State of the axles after a block.
+
+        Args:
+            adhesion: Adhesion that each axle used in the block, 1, shape (drives, axles).
+            dt: Length of the block, s.
+            noise: Standard deviation of the adhesion of a block, 1.
+
+        """
         free = np.abs(adhesion) < self._settings.free_adhesion
-        self._free_s = np.where(free, self._free_s + dt, 0.0)
-        known = np.isfinite(self.reference)
-        old = np.where(known, self.reference, adhesion)
-        old = np.where(np.abs(old) > 1e-6, old, 1e-6)
-        distance = adhesion / old - 1.0
-        near = np.abs(distance) < NEAR
+        self.free_s = np.where(free, self.free_s + dt, 0.0)
+        known = np.isfinite(self.mean)
+        starts = ~known & ~free
+        mean = np.where(known, self.mean, adhesion)
+        near = np.abs(adhesion - mean) < NEAR * np.abs(mean) + NEAR_STD * noise
         self._away_s = np.where(near | free, 0.0, self._away_s + dt)
         jumps = (self._away_s > PATIENCE_S) & ~free
-        starts = ~known & ~free
-        followed = old + (adhesion - old) * min(1.0, dt / FOLLOW_S)
-        reference = np.where(near & ~free, followed, np.where(jumps | starts, adhesion, old))
-        # The demand usually rises from a standing start: the first reference is soon outgrown.
-        self.reference = np.where(known | starts, reference, np.nan)
-        ratio = np.where(known, reference / old, 1.0)
         self._away_s = np.where(jumps, 0.0, self._away_s)
+        follows = near & ~free
+        mean = np.where(jumps, adhesion, mean)
+        mean = np.where(follows, mean + (adhesion - mean) * min(1.0, dt / FOLLOW_S), mean)
+        self.mean = np.where(known | starts, mean, np.nan)
+        reference = np.where(np.isfinite(self._reference), self._reference, mean)
+        moves = (np.abs(mean / reference - 1.0) > REFERENCE_SPAN) & ~free
+        ratio = np.where(moves, mean / reference, 1.0)
+        reference = np.where(moves, mean, reference)
+        self._reference = np.where(known | starts, reference, np.nan)
         return AxleEfforts(
-            adhesion,
-            free,
-            ~free & (near | jumps | starts),
-            np.where(known, adhesion / np.where(known, self.reference, 1.0) - 1.0, 0.0),
-            ratio,
-            starts,
-            self._travelled(dt),
+            adhesion, free, follows | jumps, self.mean, mean / reference, ratio, starts
         )
-
-    @property
-    def free_s(self) -> Array:
-        """Time for which each axle has been free, s, shape (drives, axles)."""
-        return self._free_s
-
-    def _travelled(self, dt: float) -> Array:
-        known = np.isfinite(self.reference)
-        count = np.maximum(known.sum(axis=1), 1)
-        mean = np.where(known, np.abs(self.reference), 0.0).sum(axis=1) / count
-        mean = np.maximum(mean, 1e-4)
-        slow = np.where(np.isfinite(self._slow), self._slow, mean)
-        new = slow + (mean - slow) * min(1.0, dt / SLOW_S)
-        self._slow = np.where(known.any(axis=1), new, np.nan)
-        return np.where(np.isfinite(self._slow), np.abs(np.log(new / slow)), 0.0)

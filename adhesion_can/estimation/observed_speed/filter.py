@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts, EffortWatch
+from adhesion_can.estimation.observed_speed.axle_efforts import FOLLOW_S, AxleEfforts, EffortWatch
 from adhesion_can.estimation.observed_speed.gaussian_state import GaussianState
 from adhesion_can.estimation.observed_speed.relief_watch import ReliefWatch
 from adhesion_can.estimation.observed_speed.result import ObservedSpeed
@@ -114,11 +114,12 @@ class ObservedSpeedFilter:
         # The effort still contains what accelerates the wheelset itself.
         own = self._locomotive.wheelset_inertia / self._radius**2 * (rim - last) / dt
         force = effort - own
-        axles = self._efforts.update(force / load, dt)
+        noise = settings.effort_std / np.sqrt(samples)
+        axles = self._efforts.update(force / load, dt, noise)
         if self.state is None:
             self.state = self._initial(rim)
         self._predict(axles, force.sum(axis=1), dt)
-        change = self._measure(axles, np.log(rim), samples)
+        change = self._measure(axles, np.log(rim), samples, noise)
         self._measure_others(dt)
         speed = np.exp(self.state.mean[:, SPEED])
         self._reliefs.update(self._efforts.free_s, axles.free, change, speed, dt)
@@ -140,7 +141,7 @@ class ObservedSpeedFilter:
         eye = np.eye(self.axles)
         P[:, self._slips, self._slips] = s.axle_slip_std**2 * eye
         P[:, self._radii, self._radii] = s.radius_std**2 * eye
-        return GaussianState(mean, P)
+        return GaussianState(mean, P, considered=ELASTICITY)
 
     def _predict(self, axles: AxleEfforts, force: Array, dt: float) -> None:
         state, s = self._state, self.settings
@@ -171,22 +172,23 @@ class ObservedSpeedFilter:
         P[:, self._radii, self._radii] += s.radius_wander**2 * dt * np.eye(self.axles)
 
     def _move_along_curve(self, axles: AxleEfforts) -> None:
-        """Slips follow efforts, dλ = p λ d ln μ; the elasticity is another one further on."""
+        """Slips move with their references, dλ = p λ d ln μ; the elasticity differs further on."""
         state, s = self._state, self.settings
-        x = state.mean
-        ratio = np.log(np.clip(np.abs(axles.ratio), 1e-3, 1e3))
-        p = x[:, ELASTICITY, None]
-        factor = np.clip(np.exp(p * ratio), 0.05, 20.0) * np.where(axles.ratio < 0, -1.0, 1.0)
-        slip = x[:, self._slips] * factor
-        x[:, self._slips] = slip
-        state.scale(self._slips, factor)
-        state.add_row(self._slips, ELASTICITY, slip * ratio)
-        # An Ornstein-Uhlenbeck process in ln μ.
-        keep = np.exp(-1.5 * axles.travelled)
-        x[:, ELASTICITY] = s.elasticity + keep * (x[:, ELASTICITY] - s.elasticity)
-        state.scale(slice(ELASTICITY, ELASTICITY + 1), keep[:, None])
-        P = state.covariance
-        P[:, ELASTICITY, ELASTICITY] += (1.0 - keep**2) * s.elasticity_std**2
+        x, P = state.mean, state.covariance
+        if (axles.ratio != 1.0).any():
+            ratio = np.log(np.clip(np.abs(axles.ratio), 1e-3, 1e3))
+            p = np.maximum(x[:, ELASTICITY, None], 0.5)
+            factor = np.clip(np.exp(p * ratio), 0.05, 20.0)
+            factor = factor * np.where(axles.ratio < 0, -1.0, 1.0)
+            slip = x[:, self._slips] * factor
+            x[:, self._slips] = slip
+            state.scale(self._slips, factor)
+            state.add_row(self._slips, ELASTICITY, slip * ratio)
+            # An Ornstein-Uhlenbeck process in ln μ.
+            keep = np.exp(-1.0 * np.median(np.abs(ratio), axis=1))
+            x[:, ELASTICITY] = s.elasticity + keep * (x[:, ELASTICITY] - s.elasticity)
+            state.scale(slice(ELASTICITY, ELASTICITY + 1), keep[:, None])
+            P[:, ELASTICITY, ELASTICITY] += (1.0 - keep**2) * s.elasticity_std**2
         started = axles.starts
         if started.any():
             self._open(started, slip=s.initial_slip * np.sign(axles.adhesion), common=True)
@@ -208,34 +210,38 @@ class ObservedSpeedFilter:
             spread = s.jump_std
         P[:, self._slips, self._slips] += which[:, :, None] * (spread**2 * np.eye(self.axles))
 
-    def _measure(self, axles: AxleEfforts, y: Array, samples: int) -> NDArray[np.bool_]:
+    def _measure(
+        self, axles: AxleEfforts, y: Array, samples: int, noise: float
+    ) -> NDArray[np.bool_]:
         """Take the wheel speeds in; returns under which axles the surface has changed."""
         s, state = self.settings, self._state
         used = axles.pulls | axles.free
-        H = np.zeros((self.drives, self.axles, state.mean.shape[1]))
+        x = state.mean
+        p = np.maximum(x[:, ELASTICITY, None], 0.5)
+        along = np.clip(np.abs(axles.relative), 0.5, 2.0)
+        factor = along**p
+        slip = x[:, self._slips] * factor
+        H = np.zeros((self.drives, self.axles, x.shape[1]))
         H[:, :, SPEED] = used
+        H[:, :, ELASTICITY] = np.where(axles.pulls, slip * np.log(along), 0.0)
         rows = np.arange(self.axles)
         H[:, rows, FIRST_SLIP + rows] = axles.pulls
         H[:, rows, FIRST_SLIP + self.axles + rows] = -1.0 * used
-        speed = np.maximum(np.exp(state.mean[:, SPEED, None]), LOWEST_SPEED)
-        wheel = s.wheel_std * self._radius / speed
-        compliance = s.free_compliance
-        R = wheel**2 / samples
-        slip = state.mean[:, self._slips]
-        away = np.maximum(np.abs(axles.distance) - 0.06, 0.0)
-        p = np.maximum(state.mean[:, ELASTICITY, None], 1.0)
-        pulling = (slip * p * away) ** 2 + (2.0 * slip * p * s.effort_std / 10) ** 2
+        shown = np.where(axles.free, axles.adhesion * s.free_compliance, slip)
+        predicted = x[:, SPEED, None] + shown - x[:, self._radii]
+        innovation = np.where(used, y - predicted, 0.0)
+        wheel = (s.wheel_std * self._radius / np.exp(x[:, SPEED, None])) ** 2 / samples
+        # The mean effort scatters slowly, so that its error repeats itself in many blocks.
+        size = np.maximum(np.abs(np.where(axles.pulls, axles.mean, 1.0)), 0.01)
+        steep = p + np.sqrt(state.covariance[:, ELASTICITY, ELASTICITY, None])
+        effort = (slip * steep * noise / size) ** 2
         lasting = (np.abs(axles.adhesion) * s.free_compliance_std) ** 2 + (
-            s.adhesion_bias * compliance
+            s.adhesion_bias * s.free_compliance
         ) ** 2
-        R = R + np.where(axles.free, RELIEF_BLOCKS * lasting, pulling)
-        R = np.where(used, R, 1.0)
-        free_slip = np.where(axles.free, axles.adhesion * compliance, 0.0)
-        innovation = np.where(
-            used, y - (H @ state.mean[:, :, None])[:, :, 0] - free_slip, 0.0
-        )
-        change = self._gate(axles, H, innovation, R)
-        state.update(H, innovation, R)
+        repeated = np.where(axles.free, RELIEF_BLOCKS * lasting, effort)
+        once = np.where(axles.free, lasting, effort * s.block_s / (2.0 * FOLLOW_S))
+        change = self._gate(axles, H, innovation, np.where(used, wheel + once, 1.0))
+        state.update(H, innovation, np.where(used, wheel + repeated, 1.0))
         return change
 
     def _gate(
@@ -298,7 +304,7 @@ class ObservedSpeedFilter:
             return
         self._alike |= now
         x = state.mean
-        reference = self._efforts.reference
+        reference = axles.mean / axles.relative
         p = x[:, ELASTICITY]
         pulled = np.isfinite(reference) & now[:, None]
         size = np.where(pulled, np.abs(reference), 1.0)
@@ -320,10 +326,11 @@ class ObservedSpeedFilter:
         state, s = self._state, self.settings
         P = state.covariance
         variances = np.diagonal(P, axis1=1, axis2=2)
-        # Between reference and present effort along the curve.
-        p = state.mean[:, ELASTICITY, None]
-        along = np.clip(1.0 + axles.distance, 0.0, 3.0) ** p
-        pulling = np.expm1(state.mean[:, self._slips]) * np.where(axles.pulls, 1.0, along)
+        # Between the reference and the present effort along the curve.
+        p = np.maximum(state.mean[:, ELASTICITY, None], 0.5)
+        mean = np.where(np.isfinite(axles.mean), axles.mean, 1.0)
+        along = axles.relative * np.where(axles.pulls, 1.0, axles.adhesion / mean)
+        pulling = np.expm1(state.mean[:, self._slips] * np.clip(along, 0.02, 3.0) ** p)
         spread = np.sqrt(variances[:, self._slips])
         free = axles.adhesion * s.free_compliance
         free_std = np.abs(axles.adhesion) * s.free_compliance_std + 1e-4

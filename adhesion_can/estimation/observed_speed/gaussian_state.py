@@ -12,11 +12,16 @@ UNUSED = 1.0
 
 
 class GaussianState:
-    """Means (drives, n) and covariances (drives, n, n)."""
+    """Means (drives, n) and covariances (drives, n, n).
 
-    def __init__(self, mean: Array, covariance: Array) -> None:
+    One state is only considered (Schmidt 1966): its uncertainty counts, and no measurement changes
+    it.
+    """
+
+    def __init__(self, mean: Array, covariance: Array, considered: int) -> None:
         self.mean = mean
         self.covariance = covariance
+        self._considered = considered
 
     def add_row(self, to: int | slice, source: int, factor: Array) -> None:
         """Add factor · state[source] to state[to]; factor of shape (drives,) or (drives, k)."""
@@ -45,6 +50,7 @@ class GaussianState:
         PH = P @ H.transpose(0, 2, 1)
         S = H @ PH + noise
         gain = np.linalg.solve(S, PH.transpose(0, 2, 1)).transpose(0, 2, 1)
+        gain[:, self._considered, :] = 0.0
         self.mean = self.mean + (gain @ innovation[:, :, None])[:, :, 0]
         rest = np.eye(P.shape[1]) - gain @ H
         P = rest @ P @ rest.transpose(0, 2, 1) + gain @ noise @ gain.transpose(0, 2, 1)

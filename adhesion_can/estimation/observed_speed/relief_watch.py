@@ -12,6 +12,8 @@ QUIET_S = 0.3
 """Time without a change after which a relief is worth its cost, s."""
 LONGEST_WAIT_S = 2.0
 """Time after a change at which a relief is needed in any case, s."""
+BETWEEN_RELIEFS_S = 4.0
+"""Time between reliefs that are called since wheel radii are not known, s."""
 GNSS_VALID_S = 3.0
 """Time for which a speed by satellites counts, s."""
 
@@ -32,6 +34,7 @@ class ReliefWatch:
         self._settings = settings
         self._length = length
         self.since_relief_s = np.full(drives, np.inf)
+        self._relieved_before: NDArray[np.bool_] | None = None
         self.first_ended = np.zeros(drives, dtype=bool)
         """Whether a first relief has been completed."""
         self._since_gnss_s = np.full(drives, np.inf)
@@ -72,6 +75,8 @@ class ReliefWatch:
         relieved = long_enough.any(axis=1) & ~free.all(axis=1)
         self.since_relief_s = np.where(relieved, 0.0, self.since_relief_s)
         self.first_ended |= relieved
+        before = np.zeros_like(free) if self._relieved_before is None else self._relieved_before
+        self._relieved_before = before | (long_enough & relieved[:, None])
         any_change = change.any(axis=1)
         starts = any_change & ~self._changed
         self._since_first_change_s = np.where(starts, 0.0, self._since_first_change_s)
@@ -88,7 +93,10 @@ class ReliefWatch:
         known = recent & sharp & ~self._changed
         passage = np.minimum(self._length / self._speed + QUIET_S, LONGEST_WAIT_S)
         waited = self._since_first_change_s > passage
-        wanted = self._changed & waited & (self.since_relief_s > 0)
+        before = self._relieved_before
+        new_axle_left = np.zeros_like(sharp) if before is None else ~before.all(axis=1)
+        radii = ~sharp & new_axle_left & (self.since_relief_s >= BETWEEN_RELIEFS_S)
+        wanted = (self._changed & waited & (self.since_relief_s > 0)) | (radii & ~self._changed)
         reasons = tuple(
             "" if k else "change" if c else "relief" if not r else "radii"
             for k, c, r in zip(known, self._changed, recent, strict=True)

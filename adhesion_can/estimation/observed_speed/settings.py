@@ -30,8 +30,8 @@ class ObservedSpeedSettings(Value):
         jump_std: Change of the slip of an axle at a change of the surface, 1.
         gate: Number of standard deviations by which an axle deviates from the others where the
             surface has changed under it.
-        elasticity: d ln λ/d ln μ of the curve, 1: it is 1 on its straight part, and above 3 near
-            its peak.
+        elasticity: d ln λ/d ln μ of the curve, 1: of Burckhardt's and Polach's it is 1 on the
+            straight part, 2 at 70 % of the peak, 3 to 4 at 85 % and above 6 at 95 %.
         elasticity_std: Standard deviation of the elasticity, 1.
         level_wander: Change of the adhesion of the rail along 100 m as a random walk, 1. Common to
             all axles; drives over wet rails scatter by several percent.
@@ -68,10 +68,10 @@ class ObservedSpeedSettings(Value):
     axle_slip_std: Annotated[float, Positive] = 0.006
     jump_std: Annotated[float, Positive] = 0.02
     gate: Annotated[float, Within(1, 100)] = 5.0
-    elasticity: Annotated[float, Within(0.1, 20)] = 1.7
-    elasticity_std: Annotated[float, Positive] = 0.7
+    elasticity: Annotated[float, Within(0.1, 20)] = 3.5
+    elasticity_std: Annotated[float, Positive] = 2.0
     level_wander: Annotated[float, Positive] = 0.015
-    axle_wander: Annotated[float, Positive] = 0.01
+    axle_wander: Annotated[float, Positive] = 0.015
     free_compliance: Annotated[float, Positive] = 0.02
     free_compliance_std: Annotated[float, Positive] = 0.015
     free_adhesion: Annotated[float, Within(0, 0.1)] = 0.015

@@ -1,0 +1,116 @@
+"""Drives without a radar with the filter beside them, and what comes of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from tests.worlds.without_radar import AXLES, LOAD, STEP_S, Driving, Trains
+
+from adhesion_can.estimation.observed_speed.filter import ObservedSpeedFilter
+from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.physics.vehicle import Locomotive
+
+SPEEDS = (5.0, 10.0, 20.0, 30.0)
+WAYS = {
+    "steady": Driving(),
+    "sweeps": Driving(sweeps=True),
+    "reliefs": Driving(reliefs=True),
+    "sweeps-reliefs": Driving(reliefs=True, sweeps=True),
+    "idle-axle": Driving(idle=True),
+    "gnss-0.03": Driving(gnss_std=0.03),
+    "gnss-0.1": Driving(gnss_std=0.1),
+}
+"""Ways of driving; 'steady' is also what a drive with a radar does."""
+PULLS = 0.03 * LOAD
+"""Effort above which an axle's slip is judged, N."""
+EACH = 5
+"""Steps between two judged moments."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A row each 50 ms; arrays (rows, drives) or (rows, drives, axles).
+
+    Attributes:
+        speed: m/s at which each drive begins, (drives,).
+        error: Error of the slip.
+        std: Its stated standard deviation.
+        known: Whether the filter says that the slip is known.
+        pulls: Whether the axle pulls.
+        speed_error: Relative error of the speed.
+        force: Sum of the forces of all axles, N.
+        slip: True slip.
+        radar_error: Error of a slip by the radar.
+        truth: What a trace needs: settings of the worlds, for a look at single drives.
+
+    """
+
+    speed: np.ndarray
+    error: np.ndarray
+    std: np.ndarray
+    known: np.ndarray
+    pulls: np.ndarray
+    speed_error: np.ndarray
+    force: np.ndarray
+    slip: np.ndarray
+    radar_error: np.ndarray
+    reason: list
+    trains: Trains
+
+
+def drive(way, seeds, duration_s, settings=None):
+    """Run drives of all seeds at all speeds, the filter's wishes for a relief obeyed."""
+    driving = WAYS[way]
+    names = [(seed, v) for seed in seeds for v in SPEEDS]
+    trains = Trains([s for s, _ in names], [v for _, v in names], driving)
+    if settings is None:
+        std = driving.gnss_std or 0.05
+        settings = ObservedSpeedSettings(gnss_std=std)
+    observer = ObservedSpeedFilter(Locomotive(), settings, len(names))
+    wanted, rows, reasons = None, [], []
+    for number in range(round(duration_s / STEP_S)):
+        seen = trains.step(wanted)
+        gnss = seen.gnss if driving.gnss_std is not None else None
+        found = observer.update(STEP_S, seen.wheel_speed, seen.effort, seen.load, gnss)
+        if number % EACH != EACH - 1:
+            continue
+        wanted = found.relief_wanted
+        by_radar = seen.wheel_speed * 0.625 / seen.radar[:, None] - 1
+        rows.append(
+            (
+                found.slip - trains.slip,
+                found.slip_std,
+                found.known,
+                np.abs(trains.force) > PULLS,
+                found.speed / trains.v - 1,
+                np.abs(trains.force).sum(axis=1),
+                trains.slip,
+                by_radar - trains.slip,
+            )
+        )
+        reasons.append(found.reasons)
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    return Record(np.array([v for _, v in names]), *columns, reasons, trains)
+
+
+def figures(record, chosen=slice(None)):
+    """Figures of the drives that are chosen: pure, for the report."""
+    known = record.known[:, chosen]
+    judged = known[:, :, None] & record.pulls[:, chosen]
+    error, std = record.error[:, chosen][judged], record.std[:, chosen][judged]
+    if not len(error):
+        return {"known": 0.0, "rms": np.nan, "stated": np.nan, "coverage": np.nan, "drives": 0.0}
+    return {
+        "known": float(known.mean()),
+        "rms": float(np.sqrt(np.mean(error**2))),
+        "stated": float(np.sqrt(np.mean(std**2))),
+        "coverage": float(np.mean(np.abs(error) <= 1.96 * std)),
+        "drives": float(known.any(axis=0).mean()),
+    }
+
+
+def force_share(record, reference):
+    """Force of each drive over that of the same drive steady, (drives,)."""
+    return record.force.mean(axis=0) / reference.force.mean(axis=0)
+
+
+__all__ = ["AXLES", "SPEEDS", "WAYS", "Record", "drive", "figures", "force_share"]
