@@ -31,7 +31,7 @@ TRANSFER = np.array([-0.045, -0.02, 0.005, -0.005, 0.02, 0.045])
 """Load that each axle gains for the whole effort, 1."""
 WHEEL_STD, EFFORT_STD = 0.003, 0.01 * LOAD
 RELIEF_EACH_S, RELIEF_S, RELIEF_RAMP_S, FIRST_RELIEF_S = 20.0, 1.0, 0.15, 6.0
-CHUNK = 500
+CHUNK, SUBSTEPS = 500, 3
 
 
 @dataclass(frozen=True)
@@ -214,17 +214,15 @@ class Trains:
         limit = 0.10 * v + 0.3
         firm = 150e3  # N per m/s of creep beyond the limit, taken back by the slip protection
         spinning = np.zeros(self.rim.shape, dtype=bool)
-        for _ in range(2):
+        for _ in range(SUBSTEPS):
             creep = self.sign[:, None] * (self.rim - v)
             over = np.maximum(creep - limit, 0.0)
             effort = np.maximum(self.demand - firm * over, 0.0)
             taken = self.level * load * at.adhesion(creep, v)
-            ahead = self.level * load * at.adhesion(creep + 1e-4, v)
-            slope = np.maximum((ahead - taken) / 1e-4, 0.0) + firm * (over > 0)
-            half = STEP_S / 2
-            self.rim = self.rim + self.sign[:, None] * half * (effort - taken) / (
-                WHEELSET + half * slope
-            )
+            # Implicit by the chord, which is steeper than any tangent: stable beyond the peak too.
+            chord = taken / np.where(np.abs(creep) > 1e-6, creep, 1e-6) + firm * (over > 0)
+            inertia = WHEELSET * SUBSTEPS / STEP_S
+            self.rim = self.rim + self.sign[:, None] * (effort - taken) / (inertia + chord)
             spinning |= over > 0
         self.effort = self.sign[:, None] * effort
         self.force = self.sign[:, None] * taken

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 
-FOLLOW_S = 0.5
+FOLLOW_S = 0.7
 """Time constant of the mean adhesion of an axle that pulls, s."""
 NEAR, NEAR_STD = 0.06, 2.5
 """An axle pulls steadily within this share of its mean adhesion and so many standard deviations."""
@@ -81,6 +81,31 @@ class EffortWatch:
         ratio = np.where(moves, mean / reference, 1.0)
         reference = np.where(moves, mean, reference)
         self._reference = np.where(known | starts, reference, np.nan)
-        return AxleEfforts(
-            adhesion, free, follows | jumps, self.mean, mean / reference, ratio, starts
-        )
+        scatter = noise * np.sqrt(dt / (2.0 * FOLLOW_S)) / np.maximum(np.abs(reference), 0.01)
+        relative = _certain(mean / reference, known & ~free, scatter)
+        return AxleEfforts(adhesion, free, follows | jumps, self.mean, relative, ratio, starts)
+
+
+def _certain(relative: Array, used: NDArray[np.bool_], scatter: Array) -> Array:
+    """Part of relative efforts that is no noise: that of all axles, and what each has beside it.
+
+    An effort's noise, multiplied by the slope of the curve, would look like slip. Soft thresholds
+    (Donoho 1995) leave a steady effort steady.
+
+    Args:
+        relative: Mean adhesion over its reference, 1, shape (drives, axles).
+        used: Whether an axle counts.
+        scatter: Standard deviation of `relative` by noise, 1.
+
+    """
+    logs = np.log(np.clip(np.abs(relative), 0.1, 10.0))
+    count = np.maximum(used.sum(axis=1, keepdims=True), 1)
+    common = np.where(used, logs, 0.0).sum(axis=1, keepdims=True) / count
+    spread = np.sqrt(np.where(used, scatter**2, 0.0).sum(axis=1, keepdims=True)) / count
+    own = logs - common
+    whole = _shrunk(common, 2.0 * spread) + _shrunk(own, 3.0 * scatter)
+    return np.asarray(np.where(used, np.exp(whole), np.exp(logs)))
+
+
+def _shrunk(values: Array, threshold: Array) -> Array:
+    return np.asarray(np.sign(values) * np.maximum(np.abs(values) - threshold, 0.0))

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.observed_speed.axle_efforts import FOLLOW_S, AxleEfforts, EffortWatch
+from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts, EffortWatch
 from adhesion_can.estimation.observed_speed.gaussian_state import GaussianState
 from adhesion_can.estimation.observed_speed.relief_watch import ReliefWatch
 from adhesion_can.estimation.observed_speed.result import ObservedSpeed
@@ -64,6 +64,7 @@ class ObservedSpeedFilter:
         self._acceleration = np.zeros((2, drives))
         self._last_force = np.zeros(drives)
         self._last_rim: Array | None = None
+        self._settling_s = np.zeros((drives, self.axles))
         self._alike = np.zeros(drives, dtype=bool)
         self.result: ObservedSpeed | None = None
 
@@ -119,7 +120,7 @@ class ObservedSpeedFilter:
         if self.state is None:
             self.state = self._initial(rim)
         self._predict(axles, force.sum(axis=1), dt)
-        change = self._measure(axles, np.log(rim), samples, noise)
+        change = self._measure(axles, np.log(rim), samples)
         self._measure_others(dt)
         speed = np.exp(self.state.mean[:, SPEED])
         self._reliefs.update(self._efforts.free_s, axles.free, change, speed, dt)
@@ -189,33 +190,39 @@ class ObservedSpeedFilter:
             x[:, ELASTICITY] = s.elasticity + keep * (x[:, ELASTICITY] - s.elasticity)
             state.scale(slice(ELASTICITY, ELASTICITY + 1), keep[:, None])
             P[:, ELASTICITY, ELASTICITY] += (1.0 - keep**2) * s.elasticity_std**2
-        started = axles.starts
-        if started.any():
-            self._open(started, slip=s.initial_slip * np.sign(axles.adhesion), common=True)
+            # The axles are at different places of the curve.
+            own = (s.elasticity_std * slip * ratio) ** 2
+            P[:, self._slips, self._slips] += own[:, :, None] * np.eye(self.axles)
+        if axles.starts.any():
+            self._start(axles.starts, np.sign(axles.adhesion))
 
-    def _open(self, which: NDArray[np.bool_], slip: Array | None = None, *, common: bool) -> None:
-        """Forget the slips of axles: their variance becomes that of an unknown surface."""
+    def _start(self, which: NDArray[np.bool_], sign: Array) -> None:
+        """Axles pull for the first time: what is known before any measurement."""
         s, state = self.settings, self._state
+        x, P = state.mean, state.covariance
+        x[:, self._slips] = np.where(which, s.initial_slip * sign, x[:, self._slips])
+        state.scale(self._slips, (~which).astype(np.float64))
+        both = which[:, :, None] & which[:, None, :]
+        P[:, self._slips, self._slips] += both * (
+            s.initial_slip_std**2 + s.axle_slip_std**2 * np.eye(self.axles)
+        )
+
+    def _open(self, which: NDArray[np.bool_]) -> None:
+        """Forget the slips of axles: they are on another surface, or spin."""
+        state = self._state
+        state.scale(self._slips, (~which).astype(np.float64))
         P = state.covariance
-        if slip is not None:
-            x = state.mean
-            x[:, self._slips] = np.where(which, slip, x[:, self._slips])
-        if common:
-            keep = (~which).astype(np.float64)
-            state.scale(self._slips, keep)
-            both = which[:, :, None] & which[:, None, :]
-            P[:, self._slips, self._slips] += both * s.initial_slip_std**2
-            spread = s.axle_slip_std
-        else:
-            spread = s.jump_std
-        P[:, self._slips, self._slips] += which[:, :, None] * (spread**2 * np.eye(self.axles))
+        spread = self.settings.jump_std**2 * np.eye(self.axles)
+        P[:, self._slips, self._slips] += which[:, :, None] * spread
 
     def _measure(
-        self, axles: AxleEfforts, y: Array, samples: int, noise: float
+        self, axles: AxleEfforts, y: Array, samples: int
     ) -> NDArray[np.bool_]:
         """Take the wheel speeds in; returns under which axles the surface has changed."""
         s, state = self.settings, self._state
-        used = axles.pulls | axles.free
+        settling = self._settling_s > 0
+        self._settling_s = np.maximum(self._settling_s - s.block_s, 0.0)
+        used = (axles.pulls & ~settling) | axles.free
         x = state.mean
         p = np.maximum(x[:, ELASTICITY, None], 0.5)
         along = np.clip(np.abs(axles.relative), 0.5, 2.0)
@@ -223,51 +230,58 @@ class ObservedSpeedFilter:
         slip = x[:, self._slips] * factor
         H = np.zeros((self.drives, self.axles, x.shape[1]))
         H[:, :, SPEED] = used
-        H[:, :, ELASTICITY] = np.where(axles.pulls, slip * np.log(along), 0.0)
+        H[:, :, ELASTICITY] = np.where(used & axles.pulls, slip * np.log(along), 0.0)
         rows = np.arange(self.axles)
-        H[:, rows, FIRST_SLIP + rows] = axles.pulls
+        H[:, rows, FIRST_SLIP + rows] = used & axles.pulls
         H[:, rows, FIRST_SLIP + self.axles + rows] = -1.0 * used
         shown = np.where(axles.free, axles.adhesion * s.free_compliance, slip)
         predicted = x[:, SPEED, None] + shown - x[:, self._radii]
         innovation = np.where(used, y - predicted, 0.0)
         wheel = (s.wheel_std * self._radius / np.exp(x[:, SPEED, None])) ** 2 / samples
-        # The mean effort scatters slowly, so that its error repeats itself in many blocks.
-        size = np.maximum(np.abs(np.where(axles.pulls, axles.mean, 1.0)), 0.01)
-        steep = p + np.sqrt(state.covariance[:, ELASTICITY, ELASTICITY, None])
-        effort = (slip * steep * noise / size) ** 2
+        # Small changes of the effort that the thresholds hide, and the contact's own unrest.
+        unrest = (1e-4 + 0.01 * np.abs(slip)) ** 2
         lasting = (np.abs(axles.adhesion) * s.free_compliance_std) ** 2 + (
             s.adhesion_bias * s.free_compliance
         ) ** 2
-        repeated = np.where(axles.free, RELIEF_BLOCKS * lasting, effort)
-        once = np.where(axles.free, lasting, effort * s.block_s / (2.0 * FOLLOW_S))
-        change = self._gate(axles, H, innovation, np.where(used, wheel + once, 1.0))
+        repeated = np.where(axles.free, RELIEF_BLOCKS * lasting, unrest)
+        once = np.where(axles.free, lasting, unrest)
+        gated = np.where(used, wheel + once, 1.0)
+        change = self._gate(axles.pulls & ~settling, H, innovation, gated)
+        used &= ~change
+        H *= used[:, :, None]
+        innovation = np.where(used, innovation, 0.0)
         state.update(H, innovation, np.where(used, wheel + repeated, 1.0))
         return change
 
     def _gate(
-        self, axles: AxleEfforts, H: Array, innovation: Array, R: Array
+        self, judged: NDArray[np.bool_], H: Array, innovation: Array, R: Array
     ) -> NDArray[np.bool_]:
         """Open the slips of axles that deviate from what all others imply, the worst one first.
 
         S⁻¹e over the root of its diagonal is the deviation of each axle from its prediction by the
-        others, in standard deviations (Cook and Weisberg 1982, deletion residuals).
+        others, in standard deviations (Cook and Weisberg 1982, deletion residuals). The axle is
+        left out until it has settled.
         """
         state = self._state
         change = np.zeros((self.drives, self.axles), dtype=bool)
-        for _ in range(2):
+        H, innovation, R = H.copy(), innovation.copy(), R.copy()
+        for _ in range(self.axles // 2):
             S = H @ state.covariance @ H.transpose(0, 2, 1) + R[:, :, None] * np.eye(self.axles)
             inverse = np.linalg.inv(S)
             score = np.abs((inverse @ innovation[:, :, None])[:, :, 0])
             score /= np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
-            score = np.where(axles.pulls & ~change, score, 0.0)
+            score = np.where(judged & ~change, score, 0.0)
             worst = score.argmax(axis=1)
             odd = score.max(axis=1) > self.settings.gate
             if not odd.any():
                 break
             new = np.zeros_like(change)
             new[odd, worst[odd]] = True
-            self._open(new, common=False)
             change |= new
+            H[new], innovation[new], R[new] = 0.0, 0.0, 1.0
+        if change.any():
+            self._open(change)
+            self._settling_s = np.where(change, self.settings.settling_s, self._settling_s)
         return change
 
     def _measure_others(self, dt: float) -> None:

@@ -27,7 +27,8 @@ class ObservedSpeedSettings(Value):
         initial_slip: Slip expected before the first relief, 1.
         initial_slip_std: Standard deviation of that slip, 1. Common to all axles.
         axle_slip_std: Spread of the slips of axles before the first relief, 1.
-        jump_std: Change of the slip of an axle at a change of the surface, 1.
+        jump_std: Change of the slip of an axle at a change of the surface, 1; wheels may spin.
+        settling_s: Time for which an axle is left out after the surface changed under it, s.
         gate: Number of standard deviations by which an axle deviates from the others where the
             surface has changed under it.
         elasticity: d ln λ/d ln μ of the curve, 1: of Burckhardt's and Polach's it is 1 on the
@@ -66,7 +67,8 @@ class ObservedSpeedSettings(Value):
     initial_slip: Annotated[float, Positive] = 0.010
     initial_slip_std: Annotated[float, Positive] = 0.015
     axle_slip_std: Annotated[float, Positive] = 0.006
-    jump_std: Annotated[float, Positive] = 0.02
+    jump_std: Annotated[float, Positive] = 0.1
+    settling_s: Annotated[float, Within(0, 10)] = 0.3
     gate: Annotated[float, Within(1, 100)] = 5.0
     elasticity: Annotated[float, Within(0.1, 20)] = 3.5
     elasticity_std: Annotated[float, Positive] = 2.0
