@@ -66,25 +66,32 @@ def drive(way, seeds, duration_s, settings=None):
         std = driving.gnss_std or 0.05
         settings = ObservedSpeedSettings(gnss_std=std)
     observer = ObservedSpeedFilter(Locomotive(), settings, len(names))
-    wanted, rows, reasons = None, [], []
+    wanted, rows, reasons, true = None, [], [], []
     for number in range(round(duration_s / STEP_S)):
         seen = trains.step(wanted)
         gnss = seen.gnss if driving.gnss_std is not None else None
         found = observer.update(STEP_S, seen.wheel_speed, seen.effort, seen.load, gnss)
-        if number % EACH != EACH - 1:
+        force = np.abs(trains.force)
+        by_radar = seen.wheel_speed * 0.625 / seen.radar[:, None] - 1
+        true.append(np.concatenate([trains.slip, trains.v[:, None], force, by_radar], axis=1))
+        if len(true) < EACH:
             continue
         wanted = found.relief_wanted
-        by_radar = seen.wheel_speed * 0.625 / seen.radar[:, None] - 1
+        # The filter's figures are those of a block, and so is the truth.
+        mean = np.mean(true, axis=0)
+        slip, speed = mean[:, :AXLES], mean[:, AXLES]
+        force, by_radar = mean[:, AXLES + 1 : 2 * AXLES + 1], mean[:, 2 * AXLES + 1 :]
+        true = []
         rows.append(
             (
-                found.slip - trains.slip,
+                found.slip - slip,
                 found.slip_std,
                 found.known,
-                np.abs(trains.force) > PULLS,
-                found.speed / trains.v - 1,
-                np.abs(trains.force).sum(axis=1),
-                trains.slip,
-                by_radar - trains.slip,
+                force > PULLS,
+                found.speed / speed - 1,
+                force.sum(axis=1),
+                slip,
+                by_radar - slip,
             )
         )
         reasons.append(found.reasons)

@@ -27,8 +27,8 @@ class AxleEfforts:
         free: Whether the axle hardly pulls.
         pulls: Whether it pulls steadily, so that its slip state holds.
         mean: Mean adhesion while it pulls, 1; NaN: it has not pulled yet.
-        relative: Mean adhesion over the reference at which the slip state holds, 1.
-        ratio: Reference of this block over that of the last one, 1.
+        ratio: Adhesion that the slip state belongs to, over that of the last block, 1. It is 1
+            while the effort changes by no more than its noise.
         starts: Whether the axle pulls for the first time.
 
     """
@@ -37,7 +37,6 @@ class AxleEfforts:
     free: NDArray[np.bool_]
     pulls: NDArray[np.bool_]
     mean: Array
-    relative: Array
     ratio: Array
     starts: NDArray[np.bool_]
 
@@ -52,6 +51,7 @@ class EffortWatch:
         self.free_s = np.zeros((drives, axles))
         """Time for which each axle has been free, s."""
         self._reference = np.full((drives, axles), np.nan)
+        self._relative = np.ones((drives, axles))
         self._away_s = np.zeros((drives, axles))
 
     def update(self, adhesion: Array, dt: float, noise: float) -> AxleEfforts:
@@ -77,13 +77,15 @@ class EffortWatch:
         mean = np.where(follows, mean + (adhesion - mean) * min(1.0, dt / FOLLOW_S), mean)
         self.mean = np.where(known | starts, mean, np.nan)
         reference = np.where(np.isfinite(self._reference), self._reference, mean)
+        scatter = noise * np.sqrt(dt / (2.0 * FOLLOW_S)) / np.maximum(np.abs(reference), 0.01)
+        certain = _certain(mean / reference, known & ~free, scatter)
         moves = (np.abs(mean / reference - 1.0) > REFERENCE_SPAN) & ~free
-        ratio = np.where(moves, mean / reference, 1.0)
+        relative = np.where(moves, mean / reference, np.where(free, self._relative, certain))
+        ratio = np.where(known, relative / self._relative, 1.0)
+        self._relative = np.where(moves, 1.0, relative)
         reference = np.where(moves, mean, reference)
         self._reference = np.where(known | starts, reference, np.nan)
-        scatter = noise * np.sqrt(dt / (2.0 * FOLLOW_S)) / np.maximum(np.abs(reference), 0.01)
-        relative = _certain(mean / reference, known & ~free, scatter)
-        return AxleEfforts(adhesion, free, follows | jumps, self.mean, relative, ratio, starts)
+        return AxleEfforts(adhesion, free, follows | jumps, self.mean, ratio, starts)
 
 
 def _certain(relative: Array, used: NDArray[np.bool_], scatter: Array) -> Array:
@@ -104,7 +106,7 @@ def _certain(relative: Array, used: NDArray[np.bool_], scatter: Array) -> Array:
     spread = np.sqrt(np.where(used, scatter**2, 0.0).sum(axis=1, keepdims=True)) / count
     own = logs - common
     whole = _shrunk(common, 2.0 * spread) + _shrunk(own, 3.0 * scatter)
-    return np.asarray(np.where(used, np.exp(whole), np.exp(logs)))
+    return np.asarray(np.where(used, np.exp(whole), 1.0))
 
 
 def _shrunk(values: Array, threshold: Array) -> Array:

@@ -224,13 +224,9 @@ class ObservedSpeedFilter:
         self._settling_s = np.maximum(self._settling_s - s.block_s, 0.0)
         used = (axles.pulls & ~settling) | axles.free
         x = state.mean
-        p = np.maximum(x[:, ELASTICITY, None], 0.5)
-        along = np.clip(np.abs(axles.relative), 0.5, 2.0)
-        factor = along**p
-        slip = x[:, self._slips] * factor
+        slip = x[:, self._slips]
         H = np.zeros((self.drives, self.axles, x.shape[1]))
         H[:, :, SPEED] = used
-        H[:, :, ELASTICITY] = np.where(used & axles.pulls, slip * np.log(along), 0.0)
         rows = np.arange(self.axles)
         H[:, rows, FIRST_SLIP + rows] = used & axles.pulls
         H[:, rows, FIRST_SLIP + self.axles + rows] = -1.0 * used
@@ -318,7 +314,7 @@ class ObservedSpeedFilter:
             return
         self._alike |= now
         x = state.mean
-        reference = axles.mean / axles.relative
+        reference = axles.mean
         p = x[:, ELASTICITY]
         pulled = np.isfinite(reference) & now[:, None]
         size = np.where(pulled, np.abs(reference), 1.0)
@@ -340,10 +336,10 @@ class ObservedSpeedFilter:
         state, s = self._state, self.settings
         P = state.covariance
         variances = np.diagonal(P, axis1=1, axis2=2)
-        # Between the reference and the present effort along the curve.
+        # On a ramp the slip follows the effort along the curve.
         p = np.maximum(state.mean[:, ELASTICITY, None], 0.5)
         mean = np.where(np.isfinite(axles.mean), axles.mean, 1.0)
-        along = axles.relative * np.where(axles.pulls, 1.0, axles.adhesion / mean)
+        along = np.where(axles.pulls, 1.0, axles.adhesion / mean)
         pulling = np.expm1(state.mean[:, self._slips] * np.clip(along, 0.02, 3.0) ** p)
         spread = np.sqrt(variances[:, self._slips])
         free = axles.adhesion * s.free_compliance
