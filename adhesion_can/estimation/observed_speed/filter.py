@@ -28,6 +28,7 @@ from adhesion_can.estimation.observed_speed.gaussian_state import GaussianState
 from adhesion_can.estimation.observed_speed.relief_watch import ReliefWatch
 from adhesion_can.estimation.observed_speed.result import ObservedSpeed
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.estimation.observed_speed.slip_unrest import SlipUnrest
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 
 SPEED, DISTURBANCE, ELASTICITY, FIRST_SLIP = 0, 1, 2, 3
@@ -65,6 +66,8 @@ class ObservedSpeedFilter:
         self._last_force = np.zeros(drives)
         self._last_rim: Array | None = None
         self._settling_s = np.zeros((drives, self.axles))
+        self._unrest = SlipUnrest(drives, self.axles)
+        self._axle_variance = np.zeros((drives, self.axles))
         self._alike = np.zeros(drives, dtype=bool)
         self.result: ObservedSpeed | None = None
 
@@ -166,9 +169,14 @@ class ObservedSpeedFilter:
         # Slips: the rail's level wanders for all axles, and for each of them.
         steep = x[:, ELASTICITY] + np.sqrt(P[:, ELASTICITY, ELASTICITY])
         size = np.maximum(np.abs(slip), 5e-4) * np.maximum(steep, 1.0)[:, None] * way[:, None]
+        self._axle_variance = (s.axle_wander * size) ** 2
+        size = size * self._unrest.scale
+        excited = s.excited_wander * np.sqrt(dt) * self._unrest.excitement
+        eye = np.eye(self.axles)
         P[:, self._slips, self._slips] += (
             s.level_wander**2 * size[:, :, None] * size[:, None, :]
-            + (s.axle_wander * size)[:, :, None] ** 2 * np.eye(self.axles)
+            + (s.axle_wander * size)[:, :, None] ** 2 * eye
+            + excited[:, :, None] * excited[:, None, :] * (1.0 + eye)
         )
         P[:, self._radii, self._radii] += s.radius_wander**2 * dt * np.eye(self.axles)
 
@@ -247,6 +255,11 @@ class ObservedSpeedFilter:
         H *= used[:, :, None]
         innovation = np.where(used, innovation, 0.0)
         state.update(H, innovation, np.where(used, wheel + repeated, 1.0))
+        apparent = state.mean[:, self._slips] - state.mean[:, self._radii]
+        steady = used & axles.pulls & (np.abs(axles.ratio - 1.0) < 1e-9)
+        self._unrest.update(
+            apparent, steady, change, self._axle_variance, wheel + unrest / 4, s.block_s
+        )
         return change
 
     def _gate(
@@ -327,9 +340,12 @@ class ObservedSpeedFilter:
         H[:, :, self._slips] = part
         slip = np.abs((x[:, self._slips] * scale).sum(axis=1) / count)
         steep = p + np.sqrt(state.covariance[:, ELASTICITY, ELASTICITY])
-        R = (s.level_std * steep * slip + 1e-4) ** 2
+        # An axle with a larger slip than the others is nearer to its peak, on a steeper curve.
+        own = np.abs(x[:, self._slips]) / np.maximum(slip, 1e-4)[:, None]
+        own = np.maximum(own, 1.0) ** 2
+        R = (s.level_std * (steep * slip)[:, None] * own + 1e-4) ** 2
         error = -(H @ x[:, :, None])[:, :, 0]
-        noise = np.where(pulled, R[:, None], 1.0)
+        noise = np.where(pulled, R, 1.0)
         state.update(H, np.where(pulled, error, 0.0), noise)
 
     def _stated(self, axles: AxleEfforts, speed: Array, white: float) -> ObservedSpeed:

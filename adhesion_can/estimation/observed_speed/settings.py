@@ -22,12 +22,14 @@ class ObservedSpeedSettings(Value):
         adhesion_bias: Lasting error of an adhesion, 1: a zero error of 0.5 kN to 1 kN at 245 kN.
         radius_std: Relative error of a wheel radius after calibration, 1: 0.2 % is 1.2 mm.
         level_std: Spread of the adhesion of axles at one slip, 1: contact and load.
-        radius_wander: Change of a radius' error as a random walk, 1/√s: conicity (1:40) times the
-            lateral shift of a wheelset, millimetres over minutes.
+        radius_wander: Change of a radius' error as a random walk, 1/√s: an equivalent conicity of
+            0.1 makes 0.0005 of a lateral shift of 3 mm, which lasts for a curve or a minute.
         initial_slip: Slip expected before the first relief, 1.
         initial_slip_std: Standard deviation of that slip, 1. Common to all axles.
         axle_slip_std: Spread of the slips of axles before the first relief, 1.
         jump_std: Change of the slip of an axle at a change of the surface, 1; wheels may spin.
+        excited_wander: Random walk of the slips just after a change of the surface, 1/√s, while the
+            drive finds its new effort.
         settling_s: Time for which an axle is left out after the surface changed under it, s.
         gate: Number of standard deviations by which an axle deviates from the others where the
             surface has changed under it.
@@ -63,11 +65,12 @@ class ObservedSpeedSettings(Value):
     adhesion_bias: Annotated[float, Positive] = 0.003
     radius_std: Annotated[float, Positive] = 0.002
     level_std: Annotated[float, Positive] = 0.055
-    radius_wander: Annotated[float, Positive] = 1e-6
+    radius_wander: Annotated[float, Positive] = 5e-5
     initial_slip: Annotated[float, Positive] = 0.010
     initial_slip_std: Annotated[float, Positive] = 0.015
     axle_slip_std: Annotated[float, Positive] = 0.006
     jump_std: Annotated[float, Positive] = 0.1
+    excited_wander: Annotated[float, Positive] = 0.003
     settling_s: Annotated[float, Within(0, 10)] = 0.3
     gate: Annotated[float, Within(1, 100)] = 5.0
     elasticity: Annotated[float, Within(0.1, 20)] = 3.5
