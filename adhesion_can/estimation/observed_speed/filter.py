@@ -34,6 +34,8 @@ from adhesion_can.physics.vehicle import GRAVITY, Locomotive
 SPEED, DISTURBANCE, ELASTICITY, FIRST_SLIP = 0, 1, 2, 3
 LOWEST_SPEED = 1.0
 """Speed below which no slip ratio is formed, m/s."""
+SURGE_S = 0.7
+"""Time constant with which a locomotive comes to rest on its coupler, s."""
 RELIEF_BLOCKS = 20.0
 """Blocks of a relief in which the same error of a free axle's slip repeats itself."""
 
@@ -64,6 +66,7 @@ class ObservedSpeedFilter:
         self._gnss = np.full(drives, np.nan)
         self._acceleration = np.zeros((2, drives))
         self._last_force = np.zeros(drives)
+        self._surge = np.zeros(drives)
         self._last_rim: Array | None = None
         self._settling_s = np.zeros((drives, self.axles))
         self._unrest = SlipUnrest(drives, self.axles)
@@ -158,12 +161,14 @@ class ObservedSpeedFilter:
         self._move_along_curve(axles)
         slip = x[:, self._slips]
         way = np.sqrt(speed * dt / 100.0)
-        # Speed: couplers.
+        # A change of the effort makes the locomotive swing on its coupler for a second.
         own_mass = float(np.sum(self._locomotive.axle_load)) / GRAVITY
-        surge = s.surge_share * (force - self._last_force) / (own_mass * s.coupler_frequency)
         noise = s.effort_std * float(np.mean(self._locomotive.axle_load)) * np.sqrt(self.axles)
-        surge = np.maximum(np.abs(surge) - s.surge_share * noise / own_mass / 10.0, 0.0)
+        change = np.maximum(np.abs(force - self._last_force) - noise, 0.0)
         self._last_force = force
+        self._surge = self._surge * np.exp(-dt / SURGE_S)
+        self._surge += s.surge_share * change / (own_mass * s.coupler_frequency)
+        surge = self._surge * s.coupler_frequency * dt
         P[:, SPEED, SPEED] += (s.speed_wander**2 * dt + surge**2) / speed**2
         P[:, DISTURBANCE, DISTURBANCE] += (s.acceleration_wander * way) ** 2
         # Slips: the rail's level wanders for all axles, and for each of them.
