@@ -36,6 +36,8 @@ LOWEST_SPEED = 1.0
 """Speed below which no slip ratio is formed, m/s."""
 SURGE_S = 0.7
 """Time constant with which a locomotive comes to rest on its coupler, s."""
+WAVES_S, WAVE_S = 4.0, 1.0
+"""Times for which waves run through a train, and for which one accelerates the locomotive, s."""
 RELIEF_BLOCKS = 20.0
 """Blocks of a relief in which the same error of a free axle's slip repeats itself."""
 
@@ -67,6 +69,7 @@ class ObservedSpeedFilter:
         self._acceleration = np.zeros((2, drives))
         self._last_force = np.zeros(drives)
         self._surge = np.zeros(drives)
+        self._waves = np.zeros(drives)
         self._last_rim: Array | None = None
         self._settling_s = np.zeros((drives, self.axles))
         self._unrest = SlipUnrest(drives, self.axles)
@@ -161,15 +164,17 @@ class ObservedSpeedFilter:
         self._move_along_curve(axles)
         slip = x[:, self._slips]
         way = np.sqrt(speed * dt / 100.0)
-        # A change of the effort makes the locomotive swing on its coupler for a second.
+        # A change of the effort makes the locomotive swing on its coupler for a second, and waves
+        # run through the train for several.
         own_mass = float(np.sum(self._locomotive.axle_load)) / GRAVITY
         noise = s.effort_std * float(np.mean(self._locomotive.axle_load)) * np.sqrt(self.axles)
         change = np.maximum(np.abs(force - self._last_force) - noise, 0.0)
         self._last_force = force
         self._surge = self._surge * np.exp(-dt / SURGE_S)
         self._surge += s.surge_share * change / (own_mass * s.coupler_frequency)
-        surge = self._surge * s.coupler_frequency * dt
-        P[:, SPEED, SPEED] += (s.speed_wander**2 * dt + surge**2) / speed**2
+        self._waves = self._waves * np.exp(-dt / WAVES_S) + change / mass
+        surge = (self._surge * s.coupler_frequency * dt) ** 2 + self._waves**2 * WAVE_S * dt
+        P[:, SPEED, SPEED] += (s.speed_wander**2 * dt + surge) / speed**2
         P[:, DISTURBANCE, DISTURBANCE] += (s.acceleration_wander * way) ** 2
         # Slips: the rail's level wanders for all axles, and for each of them.
         steep = x[:, ELASTICITY] + np.sqrt(P[:, ELASTICITY, ELASTICITY])
@@ -345,6 +350,9 @@ class ObservedSpeedFilter:
         H[:, :, self._slips] = part
         slip = np.abs((x[:, self._slips] * scale).sum(axis=1) / count)
         steep = p + np.sqrt(state.covariance[:, ELASTICITY, ELASTICITY])
+        # The common slip may be larger than it seems by now.
+        P = state.covariance[:, self._slips, self._slips]
+        slip = slip + np.sqrt(np.mean(np.diagonal(P, axis1=1, axis2=2), axis=1))
         # An axle with a larger slip than the others is nearer to its peak, on a steeper curve.
         own = np.abs(x[:, self._slips]) / np.maximum(slip, 1e-4)[:, None]
         own = np.maximum(own, 1.0) ** 2
