@@ -38,6 +38,8 @@ SURGE_S = 0.7
 """Time constant with which a locomotive comes to rest on its coupler, s."""
 WAVES_S, WAVE_S = 4.0, 1.0
 """Times for which waves run through a train, and for which one accelerates the locomotive, s."""
+LARGE_CHANGE = 0.1
+"""Change of ln μ in a block that no noise makes, 1."""
 RELIEF_BLOCKS = 20.0
 """Blocks of a relief in which the same error of a free axle's slip repeats itself."""
 
@@ -178,7 +180,9 @@ class ObservedSpeedFilter:
         P[:, DISTURBANCE, DISTURBANCE] += (s.acceleration_wander * way) ** 2
         # Slips: the rail's level wanders for all axles, and for each of them.
         steep = x[:, ELASTICITY] + np.sqrt(P[:, ELASTICITY, ELASTICITY])
-        size = np.maximum(np.abs(slip), 5e-4) * np.maximum(steep, 1.0)[:, None] * way[:, None]
+        variance = np.diagonal(P, axis1=1, axis2=2)[:, self._slips]
+        size = np.hypot(slip, np.minimum(np.sqrt(variance), 0.005))
+        size = size * np.maximum(steep, 1.0)[:, None] * way[:, None]
         self._axle_variance = (s.axle_wander * size) ** 2
         size = size * self._unrest.scale
         excited = s.excited_wander * np.sqrt(dt) * self._unrest.excitement
@@ -201,7 +205,13 @@ class ObservedSpeedFilter:
             factor = factor * np.where(axles.ratio < 0, -1.0, 1.0)
             slip = x[:, self._slips] * factor
             x[:, self._slips] = slip
-            state.scale(self._slips, factor)
+            # A small change may be noise of the effort. Were the covariance scaled with it, wheels
+            # that do not follow would pull the slip to zero (errors in variables).
+            large = np.abs(ratio) > LARGE_CHANGE
+            variance = np.diagonal(P, axis1=1, axis2=2)[:, self._slips]
+            noise = np.where(large, 0.0, variance * (factor - 1.0) ** 2)
+            state.scale(self._slips, np.where(large, factor, 1.0))
+            P[:, self._slips, self._slips] += noise[:, :, None] * np.eye(self.axles)
             state.add_row(self._slips, ELASTICITY, slip * ratio)
             # An Ornstein-Uhlenbeck process in ln μ.
             keep = np.exp(-1.0 * np.median(np.abs(ratio), axis=1))
