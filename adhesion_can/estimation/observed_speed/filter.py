@@ -218,8 +218,8 @@ class ObservedSpeedFilter:
             x[:, ELASTICITY] = s.elasticity + keep * (x[:, ELASTICITY] - s.elasticity)
             state.scale(slice(ELASTICITY, ELASTICITY + 1), keep[:, None])
             P[:, ELASTICITY, ELASTICITY] += (1.0 - keep**2) * s.elasticity_std**2
-            # The axles are at different places of the curve.
-            own = (s.elasticity_std * slip * ratio) ** 2
+            # The axles are at different places of the curve, and stay there for many blocks.
+            own = RELIEF_BLOCKS * (s.elasticity_std * slip * ratio) ** 2
             P[:, self._slips, self._slips] += own[:, :, None] * np.eye(self.axles)
         if axles.starts.any():
             self._start(axles.starts, np.sign(axles.adhesion))
