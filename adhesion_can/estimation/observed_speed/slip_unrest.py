@@ -15,7 +15,7 @@ WINDOW_S = 1.5
 MEMORY = 8.0
 """Number of windows over which the scale is averaged; it starts with a weight of `PRIOR`."""
 PRIOR = 3.0
-LARGEST, SMALLEST = 20.0, 0.5
+LARGEST, SMALLEST = 3.0, 0.5
 """Bounds of the scale of the standard deviation."""
 CALM_S = 1.5
 """Time constant with which an axle calms down after a change of the surface, s."""
