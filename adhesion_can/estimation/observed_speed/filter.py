@@ -40,6 +40,8 @@ WAVES_S, WAVE_S = 4.0, 1.0
 """Times for which waves run through a train, and for which one accelerates the locomotive, s."""
 LARGE_CHANGE = 0.1
 """Change of ln μ in a block that no noise makes, 1."""
+MEAN_GAIN, MEAN_SCORE_STD = 0.25, 0.5
+"""Gain of the mean deviation of an axle over blocks, and its standard deviation with some reserve."""
 RELIEF_BLOCKS = 20.0
 """Blocks of a relief in which the same error of a free axle's slip repeats itself."""
 
@@ -76,6 +78,7 @@ class ObservedSpeedFilter:
         self._settling_s = np.zeros((drives, self.axles))
         self._unrest = SlipUnrest(drives, self.axles)
         self._axle_variance = np.zeros((drives, self.axles))
+        self._mean_score = np.zeros((drives, self.axles))
         self._alike = np.zeros(drives, dtype=bool)
         self.result: ObservedSpeed | None = None
 
@@ -297,17 +300,21 @@ class ObservedSpeedFilter:
         for _ in range(self.axles // 2):
             S = H @ state.covariance @ H.transpose(0, 2, 1) + R[:, :, None] * np.eye(self.axles)
             inverse = np.linalg.inv(S)
-            score = np.abs((inverse @ innovation[:, :, None])[:, :, 0])
-            score /= np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
+            signed = (inverse @ innovation[:, :, None])[:, :, 0]
+            signed = signed / np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
+            # A gradual change is small in each block, and has the same sign in all of them.
+            mean = self._mean_score + MEAN_GAIN * (signed - self._mean_score)
+            score = np.maximum(np.abs(signed), np.abs(mean) / MEAN_SCORE_STD)
             score = np.where(judged & ~change, score, 0.0)
             worst = score.argmax(axis=1)
             odd = score.max(axis=1) > self.settings.gate
             if not odd.any():
-                break
+                break  # `mean` holds without the axles that deviate
             new = np.zeros_like(change)
             new[odd, worst[odd]] = True
             change |= new
             H[new], innovation[new], R[new] = 0.0, 0.0, 1.0
+        self._mean_score = np.where(judged & ~change, mean, 0.0)
         if change.any():
             self._open(change)
             self._settling_s = np.where(change, self.settings.settling_s, self._settling_s)
