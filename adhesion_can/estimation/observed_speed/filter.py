@@ -142,7 +142,7 @@ class ObservedSpeedFilter:
         white = settings.wheel_std * self._radius.mean() / np.sqrt(samples * self.axles)
         self._gnss = np.full(self.drives, np.nan)
         self._acceleration = np.zeros((2, self.drives))
-        self.result = self._stated(axles, speed, white)
+        self.result = self._stated(axles, np.log(rim), speed, white, samples)
 
     def _initial(self, rim: Array) -> GaussianState:
         s, n = self.settings, 3 + 2 * self.axles
@@ -378,20 +378,20 @@ class ObservedSpeedFilter:
         noise = np.where(pulled, R, 1.0)
         state.update(H, np.where(pulled, error, 0.0), noise)
 
-    def _stated(self, axles: AxleEfforts, speed: Array, white: float) -> ObservedSpeed:
+    def _stated(
+        self, axles: AxleEfforts, y: Array, speed: Array, white: float, samples: int
+    ) -> ObservedSpeed:
         state, s = self._state, self.settings
         P = state.covariance
         variances = np.diagonal(P, axis1=1, axis2=2)
-        # On a ramp the slip follows the effort along the curve.
-        p = np.maximum(state.mean[:, ELASTICITY, None], 0.5)
-        mean = np.where(np.isfinite(axles.mean), axles.mean, 1.0)
-        along = np.where(axles.pulls, 1.0, axles.adhesion / mean)
-        pulling = np.expm1(state.mean[:, self._slips] * np.clip(along, 0.02, 3.0) ** p)
-        spread = np.sqrt(variances[:, self._slips])
-        free = axles.adhesion * s.free_compliance
-        free_std = np.abs(axles.adhesion) * s.free_compliance_std + 1e-4
-        slip_std = np.where(axles.free, free_std, spread)
-        counted = axles.pulls | ~axles.free
+        # From speed and radii, so that it holds for an axle that spins or is on a ramp, too.
+        x = state.mean
+        slip = np.expm1(y + x[:, self._radii] - x[:, SPEED, None])
+        cross = P[:, SPEED, self._radii]
+        spread = variances[:, SPEED, None] - 2.0 * cross + variances[:, self._radii]
+        wheel = s.wheel_std * self._radius / speed[:, None]
+        slip_std = np.sqrt(np.maximum(spread, 0.0) + wheel**2 / samples)
+        counted = ~axles.free
         n = np.maximum(counted.sum(axis=1), 1)
         overall = np.sqrt((np.where(counted, slip_std, 0.0) ** 2).sum(axis=1) / n)
         verdict = self._reliefs.judge(overall)
@@ -399,7 +399,7 @@ class ObservedSpeedFilter:
             speed=speed,
             white_variance=np.full(self.drives, white**2),
             slow_variance=variances[:, SPEED] * speed**2,
-            slip=np.where(axles.free, free, pulling),
+            slip=slip,
             slip_std=slip_std,
             radius_factor=np.exp(state.mean[:, self._radii]),
             since_relief_s=self._reliefs.since_relief_s.copy(),
