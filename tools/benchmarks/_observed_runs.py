@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from tests.worlds.without_radar import AXLES, LOAD, STEP_S, Driving, Trains
+from tests.worlds.without_radar import AXLES, LOAD, RADIUS, STEP_S, Driving, Trains
 
 from adhesion_can.estimation.observed_speed.filter import ObservedSpeedFilter
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
@@ -40,7 +40,8 @@ class Record:
         force: Sum of the forces of all axles, N.
         slip: True slip.
         radar_error: Error of a slip by the radar.
-        truth: What a trace needs: settings of the worlds, for a look at single drives.
+        reason: Why the slip is not known, by drive, a row each 50 ms.
+        trains: The trains after the last step.
 
     """
 
@@ -53,7 +54,7 @@ class Record:
     force: np.ndarray
     slip: np.ndarray
     radar_error: np.ndarray
-    reason: list
+    reason: list[tuple[str, ...]]
     trains: Trains
 
 
@@ -72,7 +73,7 @@ def drive(way, seeds, duration_s, settings=None):
         gnss = seen.gnss if driving.gnss_std is not None else None
         found = observer.update(STEP_S, seen.wheel_speed, seen.effort, seen.load, gnss)
         force = np.abs(trains.force)
-        by_radar = seen.wheel_speed * 0.625 / seen.radar[:, None] - 1
+        by_radar = seen.wheel_speed * RADIUS / seen.radar[:, None] - 1
         true.append(np.concatenate([trains.slip, trains.v[:, None], force, by_radar], axis=1))
         if len(true) < EACH:
             continue
@@ -120,4 +121,6 @@ def force_share(record, reference):
     return record.force.mean(axis=0) / reference.force.mean(axis=0)
 
 
-__all__ = ["AXLES", "SPEEDS", "WAYS", "Record", "drive", "figures", "force_share"]
+def radar_error(record):
+    """Error of the slips by a radar, rms."""
+    return float(np.sqrt(np.mean(record.radar_error[record.pulls] ** 2)))

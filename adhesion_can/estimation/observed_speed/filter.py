@@ -246,9 +246,7 @@ class ObservedSpeedFilter:
         spread = self.settings.jump_std**2 * np.eye(self.axles)
         P[:, self._slips, self._slips] += which[:, :, None] * spread
 
-    def _measure(
-        self, axles: AxleEfforts, y: Array, samples: int
-    ) -> NDArray[np.bool_]:
+    def _measure(self, axles: AxleEfforts, y: Array, samples: int) -> NDArray[np.bool_]:
         """Take the wheel speeds in; returns under which axles the surface has changed."""
         s, state = self.settings, self._state
         settling = self._settling_s > 0
