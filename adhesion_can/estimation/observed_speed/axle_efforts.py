@@ -10,10 +10,14 @@ from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSetting
 
 FOLLOW_S = 0.7
 """Time constant of the mean adhesion of an axle that pulls, s."""
+TREND_S = 3.0
+"""Time constant of its trend, s, without which the mean would lag behind a sweep."""
 NEAR, NEAR_STD = 0.06, 2.5
 """An axle pulls steadily within this share of its mean adhesion and so many standard deviations."""
 REFERENCE_SPAN = 0.2
 """Relative distance of the mean adhesion from the reference at which the reference moves, 1."""
+LEAST = 1e-4
+"""Adhesion below which there is no reference to relate another one to, 1."""
 PATIENCE_S = 0.4
 """Time after which an effort elsewhere is a new mean, s: longer than a relief's ramp."""
 
@@ -50,6 +54,7 @@ class EffortWatch:
         """Mean adhesion of each axle while it pulls, 1; NaN: it has not pulled yet."""
         self.free_s = np.zeros((drives, axles))
         """Time for which each axle has been free, s."""
+        self._trend = np.zeros((drives, axles))
         self._reference = np.full((drives, axles), np.nan)
         self._relative = np.ones((drives, axles))
         self._away_s = np.zeros((drives, axles))
@@ -68,19 +73,25 @@ class EffortWatch:
         known = np.isfinite(self.mean)
         starts = ~known & ~free
         mean = np.where(known, self.mean, adhesion)
+        mean = mean + self._trend * dt
         near = np.abs(adhesion - mean) < NEAR * np.abs(mean) + NEAR_STD * noise
         self._away_s = np.where(near | free, 0.0, self._away_s + dt)
         jumps = (self._away_s > PATIENCE_S) & ~free
         self._away_s = np.where(jumps, 0.0, self._away_s)
         follows = near & ~free
         mean = np.where(jumps, adhesion, mean)
-        mean = np.where(follows, mean + (adhesion - mean) * min(1.0, dt / FOLLOW_S), mean)
+        gain = min(1.0, dt / FOLLOW_S)
+        trend = self._trend + gain / TREND_S * (adhesion - mean)
+        self._trend = np.where(follows, trend, 0.0)
+        mean = np.where(follows, mean + (adhesion - mean) * gain, mean)
         self.mean = np.where(known | starts, mean, np.nan)
         reference = np.where(np.isfinite(self._reference), self._reference, mean)
+        reference = np.where(np.abs(reference) > LEAST, reference, LEAST)
         scatter = noise * np.sqrt(dt / (2.0 * FOLLOW_S)) / np.maximum(np.abs(reference), 0.01)
         certain = _certain(mean / reference, known & ~free, scatter)
         moves = (np.abs(mean / reference - 1.0) > REFERENCE_SPAN) & ~free
         relative = np.where(moves, mean / reference, np.where(free, self._relative, certain))
+        relative = np.where(known, relative, 1.0)
         ratio = np.where(known, relative / self._relative, 1.0)
         self._relative = np.where(moves, 1.0, relative)
         reference = np.where(moves, mean, reference)

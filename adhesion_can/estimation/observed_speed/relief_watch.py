@@ -30,11 +30,13 @@ class ReliefVerdict:
 class ReliefWatch:
     """Times since the last relief, the last change and the last speed by satellites."""
 
-    def __init__(self, drives: int, length: float, settings: ObservedSpeedSettings) -> None:
+    def __init__(
+        self, drives: int, axles: int, length: float, settings: ObservedSpeedSettings
+    ) -> None:
         self._settings = settings
         self._length = length
         self.since_relief_s = np.full(drives, np.inf)
-        self._relieved_before: NDArray[np.bool_] | None = None
+        self._relieved_before = np.zeros((drives, axles), dtype=bool)
         self.first_ended = np.zeros(drives, dtype=bool)
         """Whether a first relief has been completed."""
         self._since_gnss_s = np.full(drives, np.inf)
@@ -70,13 +72,12 @@ class ReliefWatch:
         self._since_gnss_s = self._since_gnss_s + dt
         self._since_change_s = self._since_change_s + dt
         self._since_first_change_s = self._since_first_change_s + dt
-        long_enough = free & (free_s >= self._settings.relief_s - 1e-9)
+        long_enough = free & np.asarray(free_s >= self._settings.relief_s - 1e-9)
         # While all axles are free there is no slip to know.
         relieved = long_enough.any(axis=1) & ~free.all(axis=1)
         self.since_relief_s = np.where(relieved, 0.0, self.since_relief_s)
         self.first_ended |= relieved
-        before = np.zeros_like(free) if self._relieved_before is None else self._relieved_before
-        self._relieved_before = before | (long_enough & relieved[:, None])
+        self._relieved_before |= long_enough & relieved[:, None]
         any_change = change.any(axis=1)
         starts = any_change & ~self._changed
         self._since_first_change_s = np.where(starts, 0.0, self._since_first_change_s)
@@ -89,12 +90,11 @@ class ReliefWatch:
         """Verdict at the standard deviations of the slips, 1, shape (drives,)."""
         s = self._settings
         recent = (self.since_relief_s <= s.relief_valid_s) | (self._since_gnss_s < GNSS_VALID_S)
-        sharp = slip_std < s.slip_std
+        sharp = np.asarray(slip_std < s.slip_std)
         known = recent & sharp & ~self._changed
         passage = np.minimum(self._length / self._speed + QUIET_S, LONGEST_WAIT_S)
         waited = self._since_first_change_s > passage
-        before = self._relieved_before
-        new_axle_left = np.zeros_like(sharp) if before is None else ~before.all(axis=1)
+        new_axle_left = ~self._relieved_before.all(axis=1)
         radii = ~sharp & new_axle_left & (self.since_relief_s >= BETWEEN_RELIEFS_S)
         wanted = (self._changed & waited & (self.since_relief_s > 0)) | (radii & ~self._changed)
         reasons = tuple(

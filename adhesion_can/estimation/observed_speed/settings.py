@@ -48,6 +48,7 @@ class ObservedSpeedSettings(Value):
             m/s²: gradients change by some ‰ over several hundred metres, and the length of the
             train smooths them.
         speed_wander: Random walk of the speed beside all forces, m/s/√s: couplers.
+        mass_std: Relative error of the mass of the train, 1.
         surge_share: Speed that a change of the effort gives the locomotive until the couplers hold
             it, as a share of Δforce/(m ω), with the mass m of the locomotive.
         coupler_frequency: Angular frequency ω of the locomotive on its coupler, rad/s.
@@ -83,6 +84,7 @@ class ObservedSpeedSettings(Value):
     acceleration_std: Annotated[float, Positive] = 0.1
     acceleration_wander: Annotated[float, Positive] = 0.025
     speed_wander: Annotated[float, Positive] = 0.004
+    mass_std: Annotated[float, Positive] = 0.08
     surge_share: Annotated[float, Within(0, 10)] = 0.7
     coupler_frequency: Annotated[float, Positive] = 10.0
     gnss_std: Annotated[float, Positive] = 0.05
