@@ -10,7 +10,7 @@ from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSetting
 
 FOLLOW_S = 0.7
 """Time constant of the mean adhesion of an axle that pulls, s."""
-TREND_S = 3.0
+TREND_S = 1.2
 """Time constant of its trend, s, without which the mean would lag behind a sweep."""
 NEAR, NEAR_STD = 0.06, 2.5
 """An axle pulls steadily within this share of its mean adhesion and so many standard deviations."""

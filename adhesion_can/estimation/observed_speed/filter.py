@@ -130,7 +130,9 @@ class ObservedSpeedFilter:
         self._measure_gnss(state)
         self._measure_acceleration(state, dt)
         speed = np.exp(state.mean[:, SPEED])
-        self._reliefs.update(self._efforts.free_s, axles.free, change, speed, dt)
+        self._reliefs.update(
+            self._efforts.free_s, axles.free, change, axles.mean, speed, dt
+        )
         self._share_curve(state, axles)
         self.result = self._stated(state, axles, np.log(rim), samples)
 

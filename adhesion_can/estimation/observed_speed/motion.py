@@ -141,10 +141,13 @@ class Motion:
         large = np.abs(ratio) > LARGE_CHANGE
         variance = np.diagonal(P, axis1=1, axis2=2)[:, slips]
         noise = np.where(large, 0.0, variance * (factor - 1.0) ** 2)
+        # A slip that was estimated as too small would make its own change look certain.
+        least = s.free_compliance * np.abs(axles.mean)
+        size = np.maximum(np.abs(slip), np.where(np.isfinite(least), least, 0.0))
         state.scale(slips, np.where(large, factor, 1.0))
-        state.add_row(slips, ELASTICITY, slip * ratio)
+        state.add_row(slips, ELASTICITY, np.copysign(size, slip) * ratio)
         # The axles are at different places of the curve, and stay there for many blocks.
-        noise += REPEATED_BLOCKS * (s.elasticity_std * slip * ratio) ** 2
+        noise += REPEATED_BLOCKS * (s.elasticity_std * size * ratio) ** 2
         P[:, slips, slips] += noise[:, :, None] * np.eye(self._layout.axles)
         # An Ornstein-Uhlenbeck process in ln μ.
         keep = np.exp(-np.median(np.abs(ratio), axis=1))

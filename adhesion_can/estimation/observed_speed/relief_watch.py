@@ -43,6 +43,8 @@ class ReliefWatch:
         self._since_change_s = np.full(drives, np.inf)
         self._since_first_change_s = np.full(drives, np.inf)
         self._changed = np.zeros(drives, dtype=bool)
+        self._relief_level = np.zeros(drives)
+        self._moved = np.zeros(drives, dtype=bool)
         self._speed = np.full(drives, 1.0)
 
     def see_speed(self, there: NDArray[np.bool_]) -> None:
@@ -54,6 +56,7 @@ class ReliefWatch:
         free_s: Array,
         free: NDArray[np.bool_],
         change: NDArray[np.bool_],
+        adhesion: Array,
         speed: Array,
         dt: float,
     ) -> None:
@@ -63,6 +66,7 @@ class ReliefWatch:
             free_s: Time for which each axle has been free, s, shape (drives, axles).
             free: Whether each axle is free.
             change: Whether the surface has changed under each axle.
+            adhesion: Mean adhesion of each axle while it pulls, 1; NaN: it has not pulled yet.
             speed: Vehicle speed, m/s, shape (drives,).
             dt: Time since the last call, s.
 
@@ -78,6 +82,9 @@ class ReliefWatch:
         self.since_relief_s = np.where(relieved, 0.0, self.since_relief_s)
         self.first_ended |= relieved
         self._relieved_before |= long_enough & relieved[:, None]
+        level = _log_level(adhesion)
+        self._relief_level = np.where(relieved, level, self._relief_level)
+        self._moved = np.abs(level - self._relief_level) > self._settings.effort_change
         any_change = change.any(axis=1)
         starts = any_change & ~self._changed
         self._since_first_change_s = np.where(starts, 0.0, self._since_first_change_s)
@@ -91,14 +98,23 @@ class ReliefWatch:
         s = self._settings
         recent = (self.since_relief_s <= s.relief_valid_s) | (self._since_gnss_s < GNSS_VALID_S)
         sharp = np.asarray(slip_std < s.slip_std)
-        known = recent & sharp & ~self._changed
+        # With a speed by satellites the slip follows from it, at any effort.
+        moved = self._moved & (self._since_gnss_s >= GNSS_VALID_S)
+        known = recent & sharp & ~self._changed & ~moved
         passage = np.minimum(self._length / self._speed + QUIET_S, LONGEST_WAIT_S)
         waited = self._since_first_change_s > passage
         new_axle_left = ~self._relieved_before.all(axis=1)
         radii = ~sharp & new_axle_left & (self.since_relief_s >= BETWEEN_RELIEFS_S)
         wanted = (self._changed & waited & (self.since_relief_s > 0)) | (radii & ~self._changed)
         reasons = tuple(
-            "" if k else "change" if c else "relief" if not r else "radii"
-            for k, c, r in zip(known, self._changed, recent, strict=True)
+            "" if k else "change" if c else "relief" if not r else "effort" if m else "radii"
+            for k, c, r, m in zip(known, self._changed, recent, moved, strict=True)
         )
         return ReliefVerdict(known, wanted, reasons)
+
+
+def _log_level(adhesion: Array) -> Array:
+    """Logarithm of the mean size of the adhesions, shape (drives,)."""
+    pulled = np.isfinite(adhesion)
+    total = np.where(pulled, np.abs(adhesion), 0.0).sum(axis=1)
+    return np.asarray(np.log(np.maximum(total / np.maximum(pulled.sum(axis=1), 1), 1e-4)))

@@ -10,6 +10,7 @@ from adhesion_can.arrays import Array
 NEEDS = {
     "relief": "relieve one axle for a second",
     "radii": "relieve another axle for a second: the wheel radii are not known well enough",
+    "effort": "the effort has changed since the last relief: relieve one axle for a second",
     "change": "the surface has changed: relieve one axle for a second",
 }
 """What is missing for a known slip, by its reason."""

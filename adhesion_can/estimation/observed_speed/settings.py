@@ -56,6 +56,8 @@ class ObservedSpeedSettings(Value):
         accelerometer_std: Noise of an acceleration over a block, m/s².
         relief_s: Time for which an axle must have been free, s.
         relief_valid_s: Time after which a relief is too old, s.
+        effort_change: Largest change of ln μ since the last relief, 1. Farther along the curve the
+            slip is not known, since its elasticity lies anywhere between 1 and 6.
         slip_std: Largest standard deviation of the slip that counts as known, 1.
 
     """
@@ -91,6 +93,7 @@ class ObservedSpeedSettings(Value):
     accelerometer_std: Annotated[float, Positive] = 0.05
     relief_s: Annotated[float, Within(0.01, 10)] = 0.5
     relief_valid_s: Annotated[float, Positive] = 25.0
+    effort_change: Annotated[float, Positive] = 0.15
     slip_std: Annotated[float, Positive] = 0.002
 
     def __post_init__(self) -> None:
