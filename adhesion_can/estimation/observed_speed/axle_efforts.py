@@ -58,6 +58,7 @@ class EffortWatch:
         self._reference = np.full((drives, axles), np.nan)
         self._relative = np.ones((drives, axles))
         self._away_s = np.zeros((drives, axles))
+        self._followed = np.zeros((drives, axles), dtype=bool)
 
     def update(self, adhesion: Array, dt: float, noise: float) -> AxleEfforts:
         """State of the axles after a block.
@@ -96,7 +97,10 @@ class EffortWatch:
         self._relative = np.where(moves, 1.0, relative)
         reference = np.where(moves, mean, reference)
         self._reference = np.where(known | starts, reference, np.nan)
-        return AxleEfforts(adhesion, free, follows | jumps, self.mean, ratio, starts)
+        # The first block near the mean may still hold the end of a ramp.
+        pulls = starts | (follows & self._followed)
+        self._followed = follows | starts
+        return AxleEfforts(adhesion, free, pulls, self.mean, ratio, starts)
 
 
 def _certain(relative: Array, used: NDArray[np.bool_], scatter: Array) -> Array:

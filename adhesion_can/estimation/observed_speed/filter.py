@@ -131,7 +131,7 @@ class ObservedSpeedFilter:
         self._measure_acceleration(state, dt)
         speed = np.exp(state.mean[:, SPEED])
         self._reliefs.update(
-            self._efforts.free_s, axles.free, change, axles.mean, speed, dt
+            self._efforts.free_s, axles.free, axles.pulls, change, axles.mean, speed, dt
         )
         self._share_curve(state, axles)
         self.result = self._stated(state, axles, np.log(rim), samples)

@@ -23,6 +23,8 @@ WAVES_S, WAVE_S = 4.0, 1.0
 """Times for which waves run through a train, and for which one accelerates the locomotive, s."""
 CALM_S = 1.5
 """Time constant with which an axle calms down after a change of the surface, s."""
+TIME_SPEED = 10.0
+"""Speed at which slips change as much in time as along the rail, m/s."""
 MASS_S = 5.0
 """Time in which the disturbance acceleration follows what a wrong mass makes of a new force, s."""
 LARGE_CHANGE = 0.1
@@ -80,7 +82,9 @@ class Motion:
         P[:, SPEED, SPEED] += (s.speed_wander**2 * dt + self._couplers(force, dt)) / speed**2
         way = np.sqrt(speed * dt / 100.0)
         P[:, DISTURBANCE, DISTURBANCE] += (s.acceleration_wander * way) ** 2
-        # The level of the rail wanders for all axles, and for each of them.
+        # The level of the rail wanders for all axles, and for each of them: along the rail, and in
+        # time by effort, speed and weather.
+        way = np.sqrt((speed + TIME_SPEED) * dt / 100.0)
         steep = x[:, ELASTICITY] + np.sqrt(P[:, ELASTICITY, ELASTICITY])
         std = np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, layout.slips])
         size = np.hypot(x[:, layout.slips], np.minimum(std, 0.005))

@@ -55,6 +55,7 @@ class ReliefWatch:
         self,
         free_s: Array,
         free: NDArray[np.bool_],
+        pulls: NDArray[np.bool_],
         change: NDArray[np.bool_],
         adhesion: Array,
         speed: Array,
@@ -65,6 +66,7 @@ class ReliefWatch:
         Args:
             free_s: Time for which each axle has been free, s, shape (drives, axles).
             free: Whether each axle is free.
+            pulls: Whether each axle pulls steadily.
             change: Whether the surface has changed under each axle.
             adhesion: Mean adhesion of each axle while it pulls, 1; NaN: it has not pulled yet.
             speed: Vehicle speed, m/s, shape (drives,).
@@ -77,8 +79,8 @@ class ReliefWatch:
         self._since_change_s = self._since_change_s + dt
         self._since_first_change_s = self._since_first_change_s + dt
         long_enough = free & np.asarray(free_s >= self._settings.relief_s - 1e-9)
-        # While all axles are free there is no slip to know.
-        relieved = long_enough.any(axis=1) & ~free.all(axis=1)
+        # While all axles coast there is no slip to know.
+        relieved = long_enough.any(axis=1) & (2 * pulls.sum(axis=1) >= free.shape[1])
         self.since_relief_s = np.where(relieved, 0.0, self.since_relief_s)
         self.first_ended |= relieved
         self._relieved_before |= long_enough & relieved[:, None]
