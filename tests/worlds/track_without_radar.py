@@ -29,8 +29,8 @@ NAMES = tuple(SURFACES)
 class RailUnderAxles:
     """Polach's parameters where the axles are, each (drives, axles), and the level there."""
 
-    kA: Floats
-    kS: Floats
+    kA: Floats  # noqa: N815  Polach's name
+    kS: Floats  # noqa: N815
     mu0: Floats
     A: Floats
     B: Floats

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from tests.worlds.without_radar import AXLES, LOAD, RADIUS, STEP_S, Driving, Trains
 
 from adhesion_can.estimation.observed_speed.filter import ObservedSpeedFilter
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.physics.vehicle import Locomotive
+from tests.worlds.without_radar import AXLES, LOAD, RADIUS, STEP_S, Driving, Trains
 
 SPEEDS = (5.0, 10.0, 20.0, 30.0)
 WAYS = {
@@ -68,7 +68,7 @@ def drive(way, seeds, duration_s, settings=None):
         settings = ObservedSpeedSettings(gnss_std=std)
     observer = ObservedSpeedFilter(Locomotive(), settings, len(names))
     wanted, rows, reasons, true = None, [], [], []
-    for number in range(round(duration_s / STEP_S)):
+    for _ in range(round(duration_s / STEP_S)):
         seen = trains.step(wanted)
         gnss = seen.gnss if driving.gnss_std is not None else None
         found = observer.update(STEP_S, seen.wheel_speed, seen.effort, seen.load, gnss)
