@@ -1,0 +1,1 @@
+"""Vehicle speed observed from driven axles, for vehicles without a radar."""

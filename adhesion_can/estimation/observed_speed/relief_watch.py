@@ -1,0 +1,122 @@
+"""Reliefs and changes of the surface over time: whether the slip is known, and what is missing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+
+QUIET_S = 0.3
+"""Time without a change after which a relief is worth its cost, s."""
+LONGEST_WAIT_S = 2.0
+"""Time after a change at which a relief is needed in any case, s."""
+BETWEEN_RELIEFS_S = 4.0
+"""Time between reliefs that are called since wheel radii are not known, s."""
+GNSS_VALID_S = 3.0
+"""Time for which a speed by satellites counts, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReliefVerdict:
+    """Whether slips are known; see `ObservedSpeed` for the attributes."""
+
+    known: NDArray[np.bool_]
+    wanted: NDArray[np.bool_]
+    reasons: tuple[str, ...]
+
+
+class ReliefWatch:
+    """Times since the last relief, the last change and the last speed by satellites."""
+
+    def __init__(
+        self, drives: int, axles: int, length: float, settings: ObservedSpeedSettings
+    ) -> None:
+        self._settings = settings
+        self._length = length
+        self.since_relief_s = np.full(drives, np.inf)
+        self._relieved_before = np.zeros((drives, axles), dtype=bool)
+        self.first_ended = np.zeros(drives, dtype=bool)
+        """Whether a first relief has been completed."""
+        self._since_gnss_s = np.full(drives, np.inf)
+        self._since_change_s = np.full(drives, np.inf)
+        self._since_first_change_s = np.full(drives, np.inf)
+        self._changed = np.zeros(drives, dtype=bool)
+        self._relief_level = np.zeros(drives)
+        self._moved = np.zeros(drives, dtype=bool)
+        self._speed = np.full(drives, 1.0)
+
+    def see_speed(self, there: NDArray[np.bool_]) -> None:
+        """A speed by satellites has come, where `there`."""
+        self._since_gnss_s = np.where(there, 0.0, self._since_gnss_s)
+
+    def update(
+        self,
+        free_s: Array,
+        free: NDArray[np.bool_],
+        pulls: NDArray[np.bool_],
+        change: NDArray[np.bool_],
+        adhesion: Array,
+        speed: Array,
+        dt: float,
+    ) -> None:
+        """Let a block of `dt` seconds pass.
+
+        Args:
+            free_s: Time for which each axle has been free, s, shape (drives, axles).
+            free: Whether each axle is free.
+            pulls: Whether each axle pulls steadily.
+            change: Whether the surface has changed under each axle.
+            adhesion: Mean adhesion of each axle while it pulls, 1; NaN: it has not pulled yet.
+            speed: Vehicle speed, m/s, shape (drives,).
+            dt: Time since the last call, s.
+
+        """
+        self._speed = np.maximum(speed, 1.0)
+        self.since_relief_s = self.since_relief_s + dt
+        self._since_gnss_s = self._since_gnss_s + dt
+        self._since_change_s = self._since_change_s + dt
+        self._since_first_change_s = self._since_first_change_s + dt
+        long_enough = free & np.asarray(free_s >= self._settings.relief_s - 1e-9)
+        # While all axles coast there is no slip to know.
+        relieved = long_enough.any(axis=1) & (2 * pulls.sum(axis=1) >= free.shape[1])
+        self.since_relief_s = np.where(relieved, 0.0, self.since_relief_s)
+        self.first_ended |= relieved
+        self._relieved_before |= long_enough & relieved[:, None]
+        level = _log_level(adhesion)
+        self._relief_level = np.where(relieved, level, self._relief_level)
+        self._moved = np.abs(level - self._relief_level) > self._settings.effort_change
+        any_change = change.any(axis=1)
+        starts = any_change & ~self._changed
+        self._since_first_change_s = np.where(starts, 0.0, self._since_first_change_s)
+        self._since_change_s = np.where(any_change, 0.0, self._since_change_s)
+        # A relief ends a change that came before the axle was free.
+        ended = relieved & (self._since_change_s > self._settings.relief_s)
+        self._changed = (self._changed & ~ended) | any_change
+
+    def judge(self, slip_std: Array) -> ReliefVerdict:
+        """Verdict at the standard deviations of the slips, 1, shape (drives,)."""
+        s = self._settings
+        recent = (self.since_relief_s <= s.relief_valid_s) | (self._since_gnss_s < GNSS_VALID_S)
+        sharp = np.asarray(slip_std < s.slip_std)
+        # With a speed by satellites the slip follows from it, at any effort.
+        moved = self._moved & (self._since_gnss_s >= GNSS_VALID_S)
+        known = recent & sharp & ~self._changed & ~moved
+        passage = np.minimum(self._length / self._speed + QUIET_S, LONGEST_WAIT_S)
+        waited = self._since_first_change_s > passage
+        new_axle_left = ~self._relieved_before.all(axis=1)
+        radii = ~sharp & new_axle_left & (self.since_relief_s >= BETWEEN_RELIEFS_S)
+        wanted = (self._changed & waited & (self.since_relief_s > 0)) | (radii & ~self._changed)
+        reasons = tuple(
+            "" if k else "change" if c else "relief" if not r else "effort" if m else "radii"
+            for k, c, r, m in zip(known, self._changed, recent, moved, strict=True)
+        )
+        return ReliefVerdict(known, wanted, reasons)
+
+
+def _log_level(adhesion: Array) -> Array:
+    """Logarithm of the mean size of the adhesions, shape (drives,)."""
+    pulled = np.isfinite(adhesion)
+    total = np.where(pulled, np.abs(adhesion), 0.0).sum(axis=1)
+    return np.asarray(np.log(np.maximum(total / np.maximum(pulled.sum(axis=1), 1), 1e-4)))

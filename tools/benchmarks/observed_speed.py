@@ -1,0 +1,128 @@
+"""Slip without a radar: error, coverage, how long it is known and what reliefs cost in force.
+
+The trains are those of `tests/worlds/without_radar.py`, which share no code with the filter. Odd
+seeds are for development, even ones for a look at the end.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(1, str(ROOT))
+
+from _observed_runs import (  # noqa: E402  after the path
+    SPEEDS,
+    WAYS,
+    drive,
+    figures,
+    force_share,
+    radar_error,
+)
+from _report import Report  # noqa: E402
+from _rows import positive  # noqa: E402
+
+LARGEST_RMS, COVERAGE, LEAST_KNOWN, LEAST_FORCE = 0.002, (0.90, 0.97), 0.5, 0.98
+SILENT = ("steady", "sweeps")
+"""Ways that show no absolute speed: the slip must never be known."""
+WITH_RELIEFS = ("reliefs", "sweeps-reliefs")
+
+
+def line(found):
+    """Figures as text; an em dash where the slip was never known."""
+    if np.isnan(found["rms"]):
+        return "known 0 % of the time"
+    return (
+        f"known {found['known']:.0%} of the time, slip error {found['rms']:.5f} rms with a stated "
+        f"{found['stated']:.5f}, coverage of 95 % intervals {found['coverage']:.1%}"
+    )
+
+
+def judge(report, way, record, reference):
+    """One way of driving beside its targets."""
+    whole = figures(record)
+    report.write(f"{way}: {line(whole)}")
+    for speed in SPEEDS:
+        report.write(f"  {speed:g} m/s: {line(figures(record, record.speed == speed))}")
+    if way in SILENT:
+        what = f"{way}: share of the time in which the slip is known"
+        report.check(what, f"{whole['known']:.1%}", "0", met=whole["known"] == 0)
+        return
+    low, high = COVERAGE
+    if whole["known"] > 0:
+        report.at_most(f"{way}: slip error while known, rms", whole["rms"], LARGEST_RMS, ".5f")
+        report.check(
+            f"{way}: coverage of 95 % intervals",
+            f"{whole['coverage']:.1%}",
+            f"{low:.0%} to {high:.0%}",
+            met=low <= whole["coverage"] <= high,
+        )
+    if way not in WITH_RELIEFS:
+        return
+    report.check(
+        f"{way}: share of the time in which the slip is known",
+        f"{whole['known']:.0%}",
+        f"at least {LEAST_KNOWN:.0%}",
+        met=whole["known"] >= LEAST_KNOWN,
+    )
+    share = force_share(record, reference)
+    report.check(
+        f"{way}: force beside the same drive with a radar and no relief",
+        f"{share.mean():.1%}, the worst drive {share.min():.1%}",
+        f"at least {LEAST_FORCE:.0%}",
+        met=share.mean() >= LEAST_FORCE,
+    )
+
+
+def measure(report, options):
+    first = 1 if options.seeds == "odd" else 2
+    seeds = range(first, first + 2 * options.drives, 2)
+    report.write(
+        f"{options.drives} {options.seeds} seeds at each of {len(SPEEDS)} speeds, "
+        f"{options.duration:g} s; error, coverage and share of all axles that pull"
+    )
+    references = {}
+    for way in options.only:
+        began = time.perf_counter()
+        record = drive(way, seeds, options.duration)
+        sweeps = WAYS[way].sweeps
+        if way in WITH_RELIEFS and sweeps not in references:
+            references[sweeps] = drive("sweeps" if sweeps else "steady", seeds, options.duration)
+        if way in SILENT:
+            references[sweeps] = record
+        judge(report, way, record, references.get(sweeps))
+        if way == "steady":
+            error = radar_error(record)
+            report.write(f"radar of 0.04 m/s each 10 ms, means of 50 ms: {error:.5f} rms")
+        report.write(f"({time.perf_counter() - began:.0f} s)")
+
+
+def parse_options(arguments=None):
+    parser = argparse.ArgumentParser(prog="tools/bench observed-speed", description=__doc__)
+    add, count = parser.add_argument, positive(int)
+    add("--seeds", choices=("odd", "even"), default="odd", help="which half (default odd)")
+    add("--drives", type=count, default=10, metavar="N", help="drives a speed (default 10)")
+    add("--duration", type=positive(float), default=120.0, metavar="S", help="s (default 120)")
+    add("--only", type=_ways, default=list(WAYS), metavar="WAY,..", help="ways (default all)")
+    return parser.parse_args(arguments)
+
+
+def _ways(text):
+    chosen = text.split(",")
+    for way in chosen:
+        if way not in WAYS:
+            raise argparse.ArgumentTypeError(f"no way {way!r}; there are: {', '.join(WAYS)}")
+    return chosen
+
+
+def main():
+    report = Report()
+    measure(report, parse_options())
+    report.summarise()
+
+
+if __name__ == "__main__":
+    main()
