@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from adhesion_can.cli.common import add_configuration, add_model, configuration
+from adhesion_can.cli.common import add_configuration, add_model, configuration, progress
 from adhesion_can.cli.outputs import require_outputs
 from adhesion_can.errors import InputError
 from adhesion_can.fmu.contents import KINDS, FmuContents
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out.suffix != ".fmu":
         what = "has no suffix .fmu, by which tools know the format"
         raise InputError(str(options.out), what, f"write {options.out.with_suffix('.fmu')}")
-    platforms = options.platform or possible_platforms()
+    platforms = list(dict.fromkeys(options.platform or possible_platforms()))
     contents = FmuContents(
         options.fmu,
         config,
@@ -59,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
         integers=options.integers,
         lenient=options.lenient,
     )
-    export_fmu(contents, options.out, dict.fromkeys(platforms))
-    say(f"{options.out}: {options.fmu} for {', '.join(dict.fromkeys(platforms))}", sys.stdout)
+    with progress("compiling", len(platforms), "platforms") as compiled:
+        export_fmu(contents, options.out, platforms, compiled)
+    say(f"{options.out}: {options.fmu} for {', '.join(platforms)}", sys.stdout)
     return 0

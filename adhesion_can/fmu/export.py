@@ -5,7 +5,7 @@ The same contents give the same bytes, on any day.
 
 import io
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
@@ -22,13 +22,19 @@ _DAY = (1980, 1, 1, 0, 0, 0)
 """Time of every entry: the first that the format has."""
 
 
-def export_fmu(contents: FmuContents, path: Path, platforms: Iterable[str]) -> None:
+def export_fmu(
+    contents: FmuContents,
+    path: Path,
+    platforms: Iterable[str],
+    compiled: Callable[[float], None] | None = None,
+) -> None:
     """Write an FMU, whole or not at all.
 
     Args:
         contents: Kind, configuration and model.
         path: File to write.
         platforms: Names of the platforms, keys of `PLATFORMS`.
+        compiled: Callback with the number of platforms that there is a library for.
 
     Raises:
         InputError: The slave cannot be made of the configuration, a library cannot be compiled, or
@@ -39,9 +45,11 @@ def export_fmu(contents: FmuContents, path: Path, platforms: Iterable[str]) -> N
     description, guid = describe_contents(contents, slave)
     files = {"modelDescription.xml": description.encode()}
     identifier = model_identifier(contents.kind)
-    for name in platforms:
+    for number, name in enumerate(platforms, 1):
         suffix = PLATFORMS[name].suffix
         files[f"binaries/{name}/{identifier}{suffix}"] = build_library(name)
+        if compiled is not None:
+            compiled(number)
     for name, data in contents.resources(guid, sys.executable).items():
         files[f"resources/{name}"] = data
     archive = io.BytesIO()

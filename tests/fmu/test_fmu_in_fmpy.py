@@ -50,15 +50,15 @@ def test_integers_are_valid_too(tmp_path, config):
 
 def test_the_service_gives_what_its_slave_gives_to_the_bit(host, config):
     slave = SLAVES["service"](config)
-    drive = in_phase(config, 3.0)
+    drive = in_phase(config, 2.0)
     changes = {t_us: readings_by_name(config, frames) for t_us, frames in drive.items()}
-    expected = stepped(slave, changes, 3_000_000, 10_000)
+    expected = stepped(slave, changes, 2_000_000, 10_000)
     one = host.initialize("service")
     integers = {one.name for one in slave.variables if one.enumeration is not None}
     outputs = [one for one in slave.variables if one.causality is Causality.OUTPUT]
     reals = [one.name for one in outputs if one.name not in integers]
     numbers = 0
-    for t_us in range(0, 3_000_000, 10_000):
+    for t_us in range(0, 2_000_000, 10_000):
         for name, value in changes.get(t_us, {}).items():
             host.put(one, **{name: int(value) if name in integers else value})
         one.doStep(t_us / 1e6, 0.01)
@@ -73,12 +73,12 @@ def test_the_service_gives_what_its_slave_gives_to_the_bit(host, config):
 
 def test_the_three_coupled_give_what_one_process_gives(host, config):
     slaves = [SLAVES[kind](config) for kind in KINDS]
-    expected = coupled(slaves, 2.5, duration=2.5)
-    parts = [host.initialize(kind, **only(kind, duration=2.5)) for kind in KINDS]
+    expected = coupled(slaves, 1.5, duration=1.5)
+    parts = [host.initialize(kind, **only(kind, duration=1.5)) for kind in KINDS]
     fields = [fields_of(slave) for slave in slaves]
     values = outputs_of(parts, fields)
     tracking = used = 0.0
-    for number in range(1250):
+    for number in range(750):
         for part, field in zip(parts, fields, strict=True):
             for (name, is_integer), reference in field["input"].items():
                 if name in values:
@@ -89,7 +89,7 @@ def test_the_three_coupled_give_what_one_process_gives(host, config):
         values = outputs_of(parts, fields)
         tracking += values["status"] == 1
         used += values["true_adhesion_used"]
-    assert (tracking / 1250, used / 1250) == expected
+    assert (tracking / 750, used / 750) == expected
     assert used > 0.0
 
 
@@ -207,18 +207,18 @@ def test_an_archive_is_the_same_each_time_and_holds_what_it_was_made_of(fmus, tm
 def test_the_python_of_the_guide_gives_what_the_slave_gives(fmus, tmp_path, monkeypatch, config):
     guide = (ROOT / "docs" / "guides" / "fmu.md").read_text()
     (code,) = (one for one in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "fmpy" in one)
-    drive = in_phase(config, 4.0, scenario="wet")
+    drive = in_phase(config, 3.0, scenario="wet")
     changes = {t_us: readings_by_name(config, frames) for t_us, frames in drive.items()}
     monkeypatch.chdir(tmp_path)
     shutil.copy(fmus["service"], "service.fmu")
     latest, lines = {}, []
-    for t_us in range(0, 4_000_001, 10_000):
+    for t_us in range(0, 3_000_001, 10_000):
         latest |= changes.get(t_us, {})
         lines.append(",".join(map(repr, (t_us / 1e6, *latest.values()))))
     Path("signals.csv").write_text("\n".join([",".join(("time", *latest)), *lines]) + "\n")
     names = {}
     exec(compile(code, "fmu.md", "exec"), names)  # noqa: S102  as a reader would
-    expected = stepped(SLAVES["service"](config), changes, 4_000_000, 10_000)[4_000_000]
+    expected = stepped(SLAVES["service"](config), changes, 3_000_000, 10_000)[3_000_000]
     last = names["result"][-1]
     assert last["status"] == expected["status"] == 1
     # FMPy interpolates inputs between the rows, and so to the last digits of the time.
