@@ -88,8 +88,8 @@ def test_a_doubt_that_lasts_calls_it_sooner(course):
 def test_readings_from_before_a_doubt_that_lasts_are_left_out(course):
     ran = course().go(250).go(600, Doubt.SPEED)
     begins = {int(end): round(begin) for begin, end in ran.examined}
-    # At 310 s the doubt is too young to stand alone.
-    assert begins == {310: 0, 430: 251, 550: 251}
+    # At 300 and 420 s the doubt is too young to stand alone.
+    assert begins == {300: 0, 420: 0, 540: 251}
 
 
 def test_a_doubt_that_does_not_last_calls_nothing(course):

@@ -1,4 +1,4 @@
-"""Whole drives of the tests' own worlds: proposed, confirmed and loaded; live; where all is well."""
+"""Whole drives of the tests' own worlds: proposed, confirmed and loaded; live; and sound ones."""
 
 import threading
 import time
