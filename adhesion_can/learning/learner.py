@@ -144,8 +144,12 @@ class Learner:
     def _examine(self) -> None:
         """Diagnose the record, and propose a model where it and its halves name the same."""
         with self._lock:
-            readings = self._record.whole()
             begin_us, end_us = self._record.begin_us or 0, self._record.end_us or 0
+            doubt_us = self._doubt_since_us
+            if doubt_us is not None and end_us - doubt_us >= self.settings.least_s * 1e6:
+                # What was right before the doubt would only hide what is wrong since.
+                begin_us = max(begin_us, doubt_us)
+            readings = self._record.between(begin_us, end_us + 1)
         try:
             found = self._propose(readings, begin_us, end_us)
         except InputError as error:

@@ -85,6 +85,13 @@ def test_a_doubt_that_lasts_calls_it_sooner(course):
     assert [int(end) for _, end in ran.examined][:4] == [180, 300, 420, 540]
 
 
+def test_readings_from_before_a_doubt_that_lasts_are_left_out(course):
+    ran = course().go(250).go(600, Doubt.SPEED)
+    begins = {int(end): round(begin) for begin, end in ran.examined}
+    # At 300 and 420 s the doubt is too young to stand alone.
+    assert begins == {300: 0, 420: 0, 540: 251}
+
+
 def test_a_doubt_that_does_not_last_calls_nothing(course):
     ran = course().go(150).go(200, Doubt.SPEED).go(299)
     assert ran.examined == []

@@ -1,4 +1,4 @@
-"""Whole drives of the tests' own worlds: proposed, confirmed, loaded; live; where all is well."""
+"""Whole drives of the tests' own worlds: proposed, confirmed and loaded; live; and sound ones."""
 
 import threading
 import time
@@ -22,6 +22,7 @@ from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.correcting_core import CorrectingCore
 from adhesion_can.service.model_changes import read_model_changes
+from adhesion_can.service.outputs import Outputs
 from tests.learning.test_prediction import readings_of
 from tests.service.test_core import FixedEstimator
 from tests.service.test_live import Running, opened, wall_clock
@@ -33,19 +34,18 @@ from tests.worlds.world import World
 CONFIG = load_configuration()
 FAULT_S, ERROR = 40.0, -0.01
 """Time at which the vehicle speed goes off, s, and its error from then on."""
-SHORT = LearningSettings(
-    window_s=150.0, least_s=120.0, interval_s=30.0, again_s=30.0, training_s=45.0
-)
-"""Shorter than a service has them: a speed that is off by 1 % shows in half a minute."""
+DOUBT_S = 5.0
+"""Time after which the service doubts the curve, s."""
 
 
-def learn(log, folder, doubt, settings=None):
-    """Reports of a learner that gets a recording second by second."""
+def learn(log, folder, doubt, doubt_us=0):
+    """Reports of a learner that gets a recording second by second, with a doubt from a time on."""
     reports, whole = [], ReadingRecord(window_s=1e6, most_readings=10**9)
     whole.add(readings_of(log))
-    learner = Learner(CONFIG, folder, reports.append, settings)
+    learner = Learner(CONFIG, folder, reports.append)
     for from_us in range(whole.begin_us, whole.end_us, 1_000_000):
-        learner.add(whole.between(from_us, from_us + 1_000_000), doubt)
+        now = Doubt.NONE if from_us < doubt_us else doubt
+        learner.add(whole.between(from_us, from_us + 1_000_000), now)
         while learner.work():
             pass
     return reports
@@ -98,8 +98,8 @@ def test_in_sound_drives_nothing_is_proposed(tmp_path):
 @pytest.mark.slow
 def test_a_sensor_that_goes_off_in_the_middle_in_simulated_time(tmp_path):
     log = tmp_path / "drive.log"
-    write_fault_in_the_middle(log, 330.0)
-    reports = learn(log, tmp_path, Doubt.NONE, SHORT)
+    write_fault_in_the_middle(log, 440.0)
+    reports = learn(log, tmp_path, Doubt.SPEED, (FAULT_S + DOUBT_S) * 1e6)
     proposed = next(one for one in reports if one.state is LearningState.ESTIMATED)
     assert proposed.t_us > FAULT_S * 1e6
     assert proposed.causes[0].effect == "speed_scale"
@@ -161,14 +161,15 @@ def test_a_sensor_goes_off_is_corrected_goes_back_and_the_model_is_dropped(tmp_p
 
 @pytest.mark.slow
 @pytest.mark.realtime
+@pytest.mark.timeout(900)
 def test_a_sensor_that_goes_off_in_the_middle_of_a_live_bench(tmp_path):
     """On python-can's virtual bus in real time, by the process that `run --learn` starts."""
     log = tmp_path / "drive.log"
-    write_fault_in_the_middle(log, 400.0)
+    write_fault_in_the_middle(log, 560.0)
     frames = frames_of(log)
     told = []
-    companion = LearningCompanion(LearningTask(CONFIG, tmp_path, SHORT), told.append)
-    core = ServiceCore(CONFIG, FixedEstimator, on_setpoint=companion.observe_setpoint)
+    companion = LearningCompanion(LearningTask(CONFIG, tmp_path, LearningSettings()), told.append)
+    core = ServiceCore(CONFIG, FixedEstimator)
     core.on_readings = companion.observe_readings
     proposed = threading.Event()
     try:
@@ -177,6 +178,9 @@ def test_a_sensor_that_goes_off_in_the_middle_of_a_live_bench(tmp_path):
             for frame in frames:
                 time.sleep(max(0.0, frame.t_us / 1e6 - (time.monotonic() - began)))
                 sender.send(to_message(frame._replace(t_us=wall_clock())))
+                if frame.t_us >= (FAULT_S + DOUBT_S) * 1e6:
+                    # A fixed curve has no doubt of its own.
+                    companion.observe_setpoint(frame.t_us, Outputs(doubt=Doubt.SPEED))
                 if companion.report.state is LearningState.ESTIMATED:
                     proposed.set()
                     break
