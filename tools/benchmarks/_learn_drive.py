@@ -17,7 +17,7 @@ SIZES = {
     "speed_scale": ("", {"error": -0.01}),
     "effort_bias": ("", {"bias": 9e3}),
     "adhesion_recovery": ("", {"gain": 4e-7, "time": 3.0}),
-    "rail_cleaning": ("", {"gain": 0.02}),
+    "rail_cleaning": ("", {"gain": 0.04}),
 }
 """Form and size of what is hidden: the speed reads 1 % low, the efforts 9 kN high, slip work cleans
 the rail, each axle finds a cleaner rail. The worlds that hide it have formulas of their own."""
