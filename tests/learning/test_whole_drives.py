@@ -106,12 +106,6 @@ def test_a_sensor_that_goes_off_in_the_middle_in_simulated_time(tmp_path):
     assert proposed.causes[0].size == pytest.approx(ERROR, rel=0.05)
 
 
-SHORT = LearningSettings(
-    window_s=150.0, least_s=120.0, interval_s=30.0, again_s=30.0, training_s=45.0
-)
-"""Shorter than a service has them: a speed that is off by 1 % shows in half a minute."""
-
-
 class CorrectedService:
     """A service with `--learn apply` in simulated time, its learner in the same process."""
 
@@ -121,7 +115,7 @@ class CorrectedService:
         self.core = CorrectingCore(CONFIG, on_model=self._note, on_setpoint=self._observe)
         self.core.on_readings = self._add
         self.applied.change(self.core)
-        self._learner = Learner(CONFIG, folder, self._hear, SHORT)
+        self._learner = Learner(CONFIG, folder, self._hear)
         self._doubt, self._next_us = Doubt.NONE, 0
 
     def feed(self, frame):
@@ -147,10 +141,11 @@ class CorrectedService:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_a_sensor_goes_off_is_corrected_goes_back_and_the_model_is_dropped(tmp_path):
     """In simulated time; the log with its changes of the model is replayed to the same bytes."""
-    path, back_s = tmp_path / "drive.log", 360.0
-    write_fault_in_the_middle(path, 620.0, back_s=back_s)
+    path, back_s = tmp_path / "drive.log", 570.0
+    write_fault_in_the_middle(path, 840.0, back_s=back_s)
     service = CorrectedService(tmp_path)
     for frame in frames_of(path):
         service.feed(frame)
