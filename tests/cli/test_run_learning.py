@@ -52,7 +52,7 @@ def test_an_interval_is_positive(capsys):
 
 
 def test_only_what_there_is_can_be_asked_for(capsys):
-    assert "propose" in refused(capsys, "--learn", "apply")
+    assert "apply" in refused(capsys, "--learn", "always")
 
 
 @pytest.mark.parametrize(
@@ -111,6 +111,8 @@ def test_a_confirmed_model_comes_with_the_line_to_type():
     assert lines[1].endswith("run -c can0 --model m.toml")
 
 
+@pytest.mark.slow  # a process of the lowest priority gets no time on a busy machine
+@pytest.mark.realtime
 def test_the_service_goes_on_whatever_becomes_of_its_learning_process(tmp_path):
     options = ("--learn", "propose", "--json", "told.json")
     with ServiceProcess(tmp_path, *options) as service:

@@ -158,6 +158,8 @@ def test_readings_and_doubt_reach_the_process_in_order():
         assert started.companion.report.spans == Doubt.SPEED
 
 
+@pytest.mark.slow  # a process of the lowest priority gets no time on a busy machine
+@pytest.mark.realtime
 def test_the_child_has_the_lowest_priority_and_one_thread_of_its_libraries(tmp_path):
     task = LearningTask(TASK.configuration, tmp_path, TASK.settings)
     companion = LearningCompanion(task, print)
@@ -174,6 +176,8 @@ def test_the_child_has_the_lowest_priority_and_one_thread_of_its_libraries(tmp_p
         os.kill(process_id, 0)
 
 
+@pytest.mark.slow  # a process of the lowest priority gets no time on a busy machine
+@pytest.mark.realtime
 def test_the_child_ends_where_the_service_is_killed():
     program = (
         "import os, sys, time\n"
