@@ -12,12 +12,12 @@ from adhesion_can.calibration.fit import AxleRadius, Calibration, calibrate
 from adhesion_can.config import Configuration
 from adhesion_can.learning.examination import load_readings
 from adhesion_can.physics.effects import ActiveEffect, build_instruments
+from adhesion_can.physics.instrument_laws import Quantity
 from adhesion_can.sampling.column_former import Readings
 
 LEVEL = 0.001
 """Probability that coasting contradicts a true cause, over all axles."""
-_SPEED_LAWS = frozenset({"speed_error", "speed_delay", "wheel_speed_delay"})
-"""Effects with an error of the speeds that is not one number."""
+_SPEEDS = frozenset({Quantity.SPEED, Quantity.WHEEL_SPEED})
 
 
 def calibrate_readings(readings: Readings, configuration: Configuration) -> Calibration:
@@ -34,9 +34,10 @@ def find_contradiction(calibration: Calibration, effects: tuple[ActiveEffect, ..
         effects: Named effects with their values.
 
     """
-    if any(active.effect.id in _SPEED_LAWS for active in effects):
-        return ""
     instruments = build_instruments(effects)
+    is_late = instruments.speed_delay != 0.0 or instruments.wheel_speed_delay != 0.0
+    if is_late or any(law.quantity in _SPEEDS for law in instruments.laws):
+        return ""  # an error of the speeds that is not one number
     tested = [axle for axle in calibration.axles if axle.estimate is not None]
     for axle in tested:
         wheel = 1.0 + instruments.radius_error.get(axle.axle, 0.0)
