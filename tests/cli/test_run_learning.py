@@ -69,7 +69,7 @@ def test_the_line_to_type_is_the_same_command_with_the_model(words):
 
 
 class Narrated:
-    """A narrator and a log that keep what they are told."""
+    """A narrator and a log that keep their lines."""
 
     def __init__(self):
         self.lines, self.logged = [], []
