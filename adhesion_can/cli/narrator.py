@@ -19,6 +19,8 @@ QUIET_US = 1_000_000
 """Shortest time between two lines about the same status, µs."""
 BURST, LINES_PER_S = 30, 2.0
 """Number of lines that may come at once, and rate at which further ones may come, 1/s."""
+KEPT_LINES = 10
+"""Number of those lines that changes of status, objection and doubt leave for all others."""
 _LEVELS = {Status.FAULT: logging.ERROR, Status.STALE_INPUT: logging.WARNING}
 
 
@@ -26,7 +28,8 @@ class Narrator:
     """Reports what happens: each change of status or doubt, and at a terminal once a second.
 
     Lines beyond the rate are left out and their number reported with the next one. A new status or
-    doubt waits instead: the latest one is reported as soon as there is room.
+    doubt waits instead: the latest one is reported as soon as there is room. A status that changes
+    all the time leaves room for other lines: that the bus is gone is said in any case.
 
     Args:
         file: Stream to write to.
@@ -90,12 +93,12 @@ class Narrator:
                 self._write(logging.INFO, f"times in s since {self._times.begin}")
         self._print_status(t_us, outputs)
         objection, doubt = outputs.objection, outputs.doubt
-        if objection is not self._objection and self._has_room():
+        if objection is not self._objection and self._has_room(KEPT_LINES):
             self._objection = objection
             sentence = objection_sentence(objection)
             self._warn_of(t_us, sentence, "the readings agree again", {"objection": objection.name})
         # 'Not available' in between neither confirms the last doubt nor takes it away.
-        if doubt not in (self._doubt, Doubt.NOT_AVAILABLE) and self._has_room():
+        if doubt not in (self._doubt, Doubt.NOT_AVAILABLE) and self._has_room(KEPT_LINES):
             self._doubt = doubt
             self._warn_of(t_us, doubt_sentence(doubt), "no more doubt", {"doubt": doubt.name})
 
@@ -111,7 +114,7 @@ class Narrator:
             not self._lives or t_us - self._printed_us < QUIET_US
         ):
             return
-        if not self._has_room():
+        if not self._has_room(KEPT_LINES):
             return
         self._status, self._printed_us = outputs.status, t_us
         point = outputs.setpoint
@@ -138,11 +141,12 @@ class Narrator:
         else:
             self._left_out += 1
 
-    def _has_room(self) -> bool:
+    def _has_room(self, kept: int = 0) -> bool:
+        """Whether the rate allows a line more than those that are kept for others."""
         now_s = self._clock()
         self._room = min(self._room + (now_s - self._counted_s) * LINES_PER_S, float(BURST))
         self._counted_s = now_s
-        return self._room >= 1.0 and self._is_taken()
+        return self._room >= kept + 1.0 and self._is_taken()
 
     def _tell(self, level: int, line: str, fields: dict[str, Any] | None = None) -> None:
         self._room -= 1.0

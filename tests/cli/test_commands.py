@@ -14,7 +14,7 @@ import pytest
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli.main import main
 from adhesion_can.recordings.candump import ReadReport, parse_line, read_candump
-from tests.promptness import frames_with_prompt_past
+from tests.promptness import frames_with_prompt_past, need_prompt
 from tests.wire import DB, DBC, Bench, decoded, seal_ok
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -371,6 +371,7 @@ database = "car.dbc"
 # --- demo
 
 
+@pytest.mark.realtime
 def test_the_demo_ends_with_its_table_and_a_recording_that_replay_takes(tmp_path, capsys):
     out = tmp_path / "demo"
     assert main(["demo", "--headless", "--duration", "14", "--out", str(out)]) == 0
@@ -380,7 +381,6 @@ def test_the_demo_ends_with_its_table_and_a_recording_that_replay_takes(tmp_path
     assert f"\nreport: {page}; in a browser: {page.as_uri()}\n" in text
     phases = json.loads((out / "demo.json").read_text())["phases"]
     assert [p["surface"] for p in phases] == ["dry", "wet", "greasy", "dry"]
-    assert max(abs(p["mu_max_error"]) for p in phases) < 0.05
     assert main(["replay", str(out / "demo.log"), "--json", str(out / "r.json")]) == 0
     result = json.loads((out / "r.json").read_text())
     # At most what is due in 14 s; a busy machine starts late, and leaves out what is overdue.
@@ -396,6 +396,8 @@ def test_the_demo_ends_with_its_table_and_a_recording_that_replay_takes(tmp_path
     report = (out / "report.html").read_text()
     assert "Truth and estimate at the end of each surface." in report
     assert report.count('"name":"truth"') >= 2 * 2  # of two quantities, over time and over distance
+    need_prompt(len(prompt) / (14 * 50), 0.9)
+    assert max(abs(p["mu_max_error"]) for p in phases) < 0.05
 
 
 # --- bad input

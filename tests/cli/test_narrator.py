@@ -108,6 +108,16 @@ def test_a_flood_is_cut_and_what_was_left_out_is_counted():
     assert "lines_left_out" not in lines(file)[-1]
 
 
+def test_a_status_that_flickers_leaves_room_for_other_lines():
+    narrator, file, clock = told()
+    for k in range(500):
+        clock.now_s += 0.02
+        narrator.print_setpoint(20_000 * k, Outputs(list(Status)[k % 2], doubt=list(Doubt)[k % 3]))
+    for said in ("the bus is gone", "the bus is back"):
+        narrator.warn(said)
+        assert lines(file)[-1]["message"] == said
+
+
 def test_where_the_stream_takes_nothing_lines_are_counted_and_the_status_waits():
     file, clock, takes = io.StringIO(), Clock(), [False]
     narrator = Narrator(file, "json", clock, is_taken=lambda: takes[0])
