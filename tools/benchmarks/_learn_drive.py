@@ -84,7 +84,7 @@ def measure_applied(truth, log, changes):
     from adhesion_can import replay
 
     with log.open("a") as file:
-        file.writelines(change.to_line() for change in changes)
+        file.writelines(change.to_lines() for change in changes)
     table = replay(log)
     late = table["time_s"] >= LOADED_S + table["time_s"][0]
     return measure(
