@@ -55,7 +55,7 @@ def read_model_changes(comments: Iterable[bytes], where: str) -> Iterator[ModelC
         raise RecordingError(
             where,
             f"a model to which the service changed is damaged: {printable(str(error))}",
-            "copy the log again, or replay the part before that line with --to",
+            "copy the log again, or delete that line: behind it other setpoints come out",
         ) from error
 
 

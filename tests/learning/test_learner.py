@@ -219,24 +219,28 @@ def test_after_a_start_a_confirmed_model_is_confirmed_again_on_fresh_readings(co
     assert parse_model(ran.reports[-2].model or ran.reports[-1].model, "report").effects
 
 
-def test_a_service_that_ends_before_it_is_confirmed_again_leaves_the_file(course, confirmed):
+@pytest.mark.usefixtures("confirmed")
+def test_a_service_that_ends_before_it_is_confirmed_again_leaves_the_file(course):
     for now_s in (5000, 6000):
         ran = begin_again(course, now_s).go(now_s + 30)
         assert [state for state, _ in ran.news] == ["estimated"]
 
 
-def test_a_kept_model_that_does_not_hold_any_more_is_dropped_for_good(course, confirmed):
+@pytest.mark.usefixtures("confirmed")
+def test_a_kept_model_that_does_not_hold_any_more_is_dropped_for_good(course):
     ran = begin_again(course, 5000, is_better=False).go(5200)
     assert [state for state, _ in ran.news] == ["estimated", "invalid"]
     assert begin_again(course, 6000).go(6010).news == []
 
 
+@pytest.mark.usefixtures("confirmed")
 @pytest.mark.parametrize(("now_s", "in_use"), [(600 + 86_400 + 60, ()), (5000, ("speed_scale",))])
-def test_a_kept_model_that_is_too_old_or_in_use_is_not_taken_up(course, confirmed, now_s, in_use):
+def test_a_kept_model_that_is_too_old_or_in_use_is_not_taken_up(course, now_s, in_use):
     assert begin_again(course, now_s, in_use=in_use).go(now_s + 10).news == []
 
 
-def test_a_file_of_another_vehicle_or_of_no_model_is_not_taken_up(course, confirmed, tmp_path):
+@pytest.mark.usefixtures("confirmed")
+def test_a_file_of_another_vehicle_or_of_no_model_is_not_taken_up(course, tmp_path):
     path = tmp_path / "learned-speed_scale.toml"
     text = path.read_text()
     for other in (text.replace('"vehicle" = "', '"vehicle" = "x'), "", text[:200]):

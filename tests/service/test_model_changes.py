@@ -75,7 +75,7 @@ def test_a_large_model_takes_several_lines_each_of_which_is_needed():
     (found,) = read_model_changes(lines, "a.log")
     assert content(found) == content(change)
     for missing in range(len(lines)):
-        with pytest.raises(RecordingError, match="a.log"):
+        with pytest.raises(RecordingError, match=r"a\.log"):
             list(read_model_changes(lines[:missing] + lines[missing + 1 :], "a.log"))
 
 
