@@ -32,7 +32,7 @@ class LearnedModel:
         found: What was learned, a clause.
         sizes: Size of each cause, in the same order.
         model: Extended model of the whole record.
-        record: Length and begin of the record, in words.
+        record: Length and start of the record, in words.
 
     """
 

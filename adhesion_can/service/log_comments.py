@@ -64,7 +64,7 @@ def read_comments(lines: Iterable[bytes], name: str) -> Iterator[LogComment]:
         name: Kind of the comments.
 
     Raises:
-        ValueError: A line of that kind is damaged; it begins with that line.
+        ValueError: A line of that kind is damaged; the message begins with that line.
 
     """
     begins = (f" {name}:".encode(), f" {name}+:".encode())
@@ -81,7 +81,7 @@ def read_comments(lines: Iterable[bytes], name: str) -> Iterator[LogComment]:
                 yield comment
             comment = LogComment(t_us, match[4])
         elif comment is None or comment.t_us != t_us:
-            raise ValueError(f"{line[:50].decode('latin-1')}: its begin is missing")
+            raise ValueError(f"{line[:50].decode('latin-1')}: its start is missing")
         else:
             comment = LogComment(t_us, comment.text + match[4])
     if comment is not None:

@@ -70,7 +70,7 @@ def test_a_comment_whose_lines_are_not_all_there_is_damaged_or_shorter(missing):
     assert len(lines) == 3
     del lines[missing]
     if missing == 0:
-        with pytest.raises(ValueError, match="begin is missing"):
+        with pytest.raises(ValueError, match="start is missing"):
             list(read_comments(lines, "kind"))
     else:
         ((_, text),) = read_comments(lines, "kind")
