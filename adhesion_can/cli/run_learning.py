@@ -16,6 +16,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.printable import printable
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.frame_log import LogBehind
+from adhesion_can.service.log_comments import format_comment, format_stamp
 from adhesion_can.service.outputs import Outputs
 
 # Diagnosis is imported where somebody learns: it takes a second of a start.
@@ -69,6 +70,7 @@ class RunLearning:
         self._applied = applied
         self._has_new_log = False
         self._restarts = 0
+        self._core: ServiceCore | None = None
         self._log: LogBehind | None = None
         self._narrator = narrator
         self._argv = tuple(argv)
@@ -82,7 +84,7 @@ class RunLearning:
         from adhesion_can.service.correcting_core import CorrectingCore  # noqa: PLC0415
 
         core = CorrectingCore(config, on_model=self._applied.note, on_setpoint=on_setpoint)
-        self._applied.change(core)
+        self._applied.attach(core)
         return core
 
     def observe(
@@ -99,7 +101,7 @@ class RunLearning:
             log: Log in which news become comments; None: there is none.
 
         """
-        self._log = log
+        self._core, self._log = core, log
         if self._applied is not None and log is not None:
             self._applied.write_log = log.write
         if self._companion is not None:
@@ -128,7 +130,7 @@ class RunLearning:
             return
         self._say(news.news)
         if self._applied is not None:
-            self._say(self._applied.obey(news))
+            self._say(self._applied.follow(news))
         elif news.state == "confirmed" and news.path:
             self._say(f"to use it, type: {command_with_model(self._argv, news.path)}")
 
@@ -138,8 +140,8 @@ class RunLearning:
             return
         self._narrator.warn(f"--learn: {line}")
         if self._log is not None:
-            # Replay passes over comments, as over those on lost lines.
-            self._log.write(f"# learn: {printable(line)}\n")
+            stamp = format_stamp(0 if self._core is None else self._core.now_us)
+            self._log.write(format_comment(stamp, "learn", printable(line)))
 
     def fields(self) -> dict[str, Any]:
         """Latest report with what was lost, as JSON has it; nothing where nothing is learned."""

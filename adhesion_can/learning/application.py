@@ -2,9 +2,8 @@
 
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 
-from adhesion_can.config.model_file import read_model
+from adhesion_can.config.model_file import parse_model
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.learning.confirmation import LearningState
@@ -17,7 +16,7 @@ class AppliedModels:
     """Changes the model of a service as its learner reports.
 
     Args:
-        write_log: Callback with a line for the service's log, which makes a replay repeat the
+        write_log: Callback with lines for the service's log, which makes a replay repeat the
             change; None: there is no log.
 
     """
@@ -34,18 +33,19 @@ class AppliedModels:
         """Whether a learned model is in use."""
         return self._core is not None and self._core.model is not None
 
-    def change(self, core: CorrectingCore) -> None:
+    def attach(self, core: CorrectingCore) -> None:
         """Name the core whose model is changed; it calls `note` with each model that took over."""
         self._core = core
 
-    def obey(self, report: LearningReport) -> str:
+    def follow(self, report: LearningReport) -> str:
         """Change the model as a report asks; returns a sentence for the operator, or ''."""
         core = self._core
         if core is None:
             return ""
-        if report.state is LearningState.CONFIRMED and report.path:
+        if report.state is LearningState.CONFIRMED and report.model:
             try:
-                change = ModelChange(core.next_change_us(), read_model(Path(report.path)))
+                model = parse_model(report.model, "the learned model")
+                change = ModelChange(core.next_change_us(), model)
                 core.change_model(change)
             except InputError as error:
                 return f"not applied: {error}"
@@ -85,4 +85,4 @@ class AppliedModels:
     def _log(self, change: ModelChange) -> None:
         self._latest = change
         if self.write_log is not None:
-            self.write_log(change.to_line())
+            self.write_log(change.to_lines())

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -61,15 +62,12 @@ class ReadingBatch(NamedTuple):
 
 
 def lower_priority() -> None:
-    """Take the lowest priority: only the time that nobody else wants.
-
-    Raises:
-        OSError: The system does not allow it.
-
-    """
+    """Take the lowest priority: only the time that nobody else wants."""
     os.nice(19)
     if hasattr(os, "SCHED_IDLE"):
-        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        # A sandbox may forbid it; nice 19 is then the lowest.
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def main() -> int:

@@ -67,6 +67,8 @@ class ModelConfirmation:
         self.state = LearningState.ESTIMATED
         self.reason = ""
         """Reason why the model was dropped, a clause."""
+        self.checked_us = since_us
+        """End of the latest span that distinguished the models, µs."""
         self._since_us = since_us
         self._most_age_us = most_age_s * 1e6
         self._test = BettingTest()
@@ -97,6 +99,7 @@ class ModelConfirmation:
         if self.state is LearningState.INVALID:
             return
         self._test.add(is_better=is_better)
+        self.checked_us = t_us
         if self.state is LearningState.CONFIRMED:
             self._test.worse = max(self._test.worse, 1.0)
         if self._test.worse >= PROVEN:

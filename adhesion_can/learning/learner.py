@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from adhesion_can.config import Configuration
+from adhesion_can.config.model_file import model_text
 from adhesion_can.errors import InputError
 from adhesion_can.learning.coasting_witness import calibrate_readings, find_contradiction
 from adhesion_can.learning.confirmation import (
@@ -15,17 +16,24 @@ from adhesion_can.learning.confirmation import (
     ModelConfirmation,
 )
 from adhesion_can.learning.examination import build_drive, examine, halves
-from adhesion_can.learning.learned_file import write_learned
+from adhesion_can.learning.learned_file import find_confirmed, learned_path, write_learned
 from adhesion_can.learning.prediction import PredictedSpan, predict_spans
-from adhesion_can.learning.proposal import LearnedModel, find_disagreement, find_objection
+from adhesion_can.learning.proposal import (
+    LearnedModel,
+    find_disagreement,
+    find_objection,
+    propose_model,
+)
 from adhesion_can.learning.record import WINDOW_S, ReadingRecord
-from adhesion_can.learning.report import LearnedCause, LearningReport
-from adhesion_can.learning.sentences import describe_causes
+from adhesion_can.learning.report import LearningReport
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.sampling.column_former import Readings
+from adhesion_can.service.kept_state import fingerprint
 
 SPANS_AT_ONCE = 6
 """Number of spans that are predicted from the same fit of the curves."""
+REWRITE_S = 600.0
+"""Time after which the file of a confirmed model is written again, s, to say how long it held."""
 EDGE_S = 2.0
 """Time behind the last span that must have come, s: rows need readings around them."""
 
@@ -91,6 +99,13 @@ class Learner:
         self._confirmation: ModelConfirmation | None = None
         self._fresh_us = 0
         """Start of the readings that are not predicted yet, µs."""
+        self._vehicle = fingerprint(configuration)
+        self._has_begun = False
+        """Whether it was looked for a model that was learned before."""
+        self._is_kept = False
+        """Whether the model's file is that of an earlier service."""
+        self._written_us = 0
+        """Time at which the model's file was written, µs."""
         self._report = LearningReport()
 
     @property
@@ -119,6 +134,9 @@ class Learner:
             now_us, begin_us = self._record.end_us, self._record.begin_us
         if now_us is None or begin_us is None:
             return False
+        if not self._has_begun:
+            self._has_begun = True
+            return self._take_up(now_us)
         if self.learned is not None and self._confirmation is not None:
             return self._confirm(self.learned, self._confirmation, now_us)
         if not self._is_due(now_us, begin_us):
@@ -158,24 +176,44 @@ class Learner:
         if isinstance(found, str):
             self._send(replace(report, outcome=found))
             return
-        self.learned = found
-        self._confirmation = ModelConfirmation(end_us, self.settings.most_age_s)
-        self._fresh_us = end_us
-        what = describe_causes(found.causes)
-        news = f"{what} (from {(end_us - begin_us) / 1e6:.0f} s of readings); now being confirmed"
-        self._send(
-            replace(
-                report,
-                state=LearningState.ESTIMATED,
-                found=what,
-                causes=_main_sizes(found),
-                proposed=report.proposed + 1,
-                spans=0,
-                won=0,
-                news=news,
-                outcome="a model is proposed",
-            )
+        length_s = (end_us - begin_us) / 1e6
+        self._begin_to_confirm(
+            found, report, f"{found.found} (from {length_s:.0f} s of readings); now being confirmed"
         )
+
+    def _begin_to_confirm(self, learned: LearnedModel, report: LearningReport, news: str) -> None:
+        """Let the readings behind those of a report decide on a model."""
+        self.learned = learned
+        self._confirmation = ModelConfirmation(report.t_us, self.settings.most_age_s)
+        self._fresh_us = report.t_us
+        report = replace(
+            report,
+            state=LearningState.ESTIMATED,
+            found=learned.found,
+            causes=learned.sizes,
+            proposed=report.proposed + 1,
+            spans=0,
+            won=0,
+            news=news,
+            outcome="a model is proposed",
+        )
+        self._send(report)
+
+    def _take_up(self, now_us: int) -> bool:
+        """Propose what was confirmed before the service was started again, if anything was.
+
+        Its file stays as it is until fresh readings have decided: the service may end before.
+        """
+        if self._folder is None:
+            return False
+        most_age_s = self._configuration.service.state_age_s
+        kept = find_confirmed(self._folder, self._vehicle, now_us, most_age_s, self._in_use)
+        if kept is None:
+            return False
+        self._is_kept = True
+        news = f"{kept.found} (learned before this start); now being confirmed again"
+        self._begin_to_confirm(kept, replace(self._report, t_us=now_us), news)
+        return True
 
     def _propose(self, readings: Readings, begin_us: int, end_us: int) -> LearnedModel | str:
         """A model, or the reason why there is none, a clause."""
@@ -194,7 +232,7 @@ class Learner:
         disagreement = find_disagreement(
             whole, [examine(half, config) for half in halves(readings)]
         )
-        return disagreement or LearnedModel(whole.causes, whole.model, begin_us, end_us)
+        return disagreement or propose_model(whole, begin_us, end_us)
 
     # ------------------------------------------------------------------------------- to confirm
 
@@ -221,12 +259,14 @@ class Learner:
             spans=confirmation.spans,
             won=confirmation.won,
             news="",
+            model="",
         )
         if confirmation.state is LearningState.CONFIRMED and before is not confirmation.state:
             report = replace(
                 report,
                 news=f"confirmed on fresh readings ({confirmation.won} of {confirmation.spans} "
                 f"spans of {SPAN_S:g} s predicted better): {report.found}",
+                model=model_text(replace(learned.model, provenance={})),
             )
         elif confirmation.state is LearningState.INVALID:
             report = replace(report, news=f"dropped: {report.found}: {confirmation.reason}")
@@ -253,8 +293,10 @@ class Learner:
     # ---------------------------------------------------------------------------------- reports
 
     def _send(self, report: LearningReport) -> None:
-        """Write the model's file where its state is new, and report."""
-        if report.news and self._folder is not None:
+        """Write the model's file where its state is new or the file is old, and report."""
+        since_us = report.t_us - self._written_us
+        is_old = report.state is LearningState.CONFIRMED and since_us >= REWRITE_S * 1e6
+        if (report.news or is_old) and self._folder is not None:
             report = self._with_file(report, self._folder)
         self._report = report
         self._tell(report)
@@ -262,17 +304,12 @@ class Learner:
     def _with_file(self, report: LearningReport, folder: Path) -> LearningReport:
         if self.learned is None or self._confirmation is None:
             return report
+        if self._is_kept and report.state is LearningState.ESTIMATED:
+            return replace(report, path=str(learned_path(folder, self.learned)))
+        self._is_kept, self._written_us = False, report.t_us
         try:
-            path = write_learned(folder, self.learned, self._confirmation)
+            path = write_learned(folder, self.learned, self._confirmation, self._vehicle)
         except InputError as error:
-            return replace(report, news=f"{report.news}; not written: {error}", path="")
+            news = f"{report.news}; not written: {error}" if report.news else ""
+            return replace(report, news=news, path="")
         return replace(report, path=str(path))
-
-
-def _main_sizes(learned: LearnedModel) -> tuple[LearnedCause, ...]:
-    """First parameter of each cause."""
-    return tuple(
-        LearnedCause(cause.effect, value.value, value.std, value.unit)
-        for cause in learned.causes
-        for value in cause.parameters[:1]
-    )

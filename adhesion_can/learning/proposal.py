@@ -12,6 +12,9 @@ from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
 from adhesion_can.diagnosis.formatting import value_text
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.learning.report import LearnedCause
+from adhesion_can.learning.sentences import describe_causes
+from adhesion_can.result_text import TimeScale
 
 MOST_APART = 3.0
 """Largest difference of two sizes in standard deviations of that difference."""
@@ -22,25 +25,49 @@ regression's standard deviations do not contain it."""
 
 @dataclass(frozen=True, slots=True)
 class LearnedModel:
-    """A model that a record proposes.
+    """A model that a record proposes, or proposed to an earlier service.
 
     Attributes:
-        causes: Named causes, the main one first.
+        name: Ids of its causes joined by '+', the main one first.
+        found: What was learned, a clause.
+        sizes: Size of each cause, in the same order.
         model: Extended model of the whole record.
+        record: Length and start of the record, in words.
+
+    """
+
+    name: str
+    found: str
+    sizes: tuple[LearnedCause, ...]
+    model: ExtendedModel
+    record: str
+
+
+def propose_model(whole: Diagnosis, from_us: int, to_us: int) -> LearnedModel:
+    """Model of a diagnosis without objection.
+
+    Args:
+        whole: Diagnosis of the whole record.
         from_us: Start of the record, µs.
         to_us: End of the record, µs.
 
     """
+    if whole.model is None:
+        raise ValueError("a diagnosis without a model")
+    begin = TimeScale.beginning_at(from_us).begin or "the start"
+    return LearnedModel(
+        "+".join(cause.effect for cause in whole.causes),
+        describe_causes(whole.causes),
+        tuple(_main_size(cause) for cause in whole.causes),
+        whole.model,
+        f"{(to_us - from_us) / 1e6:.0f} s from {begin}",
+    )
 
-    causes: tuple[Cause, ...]
-    model: ExtendedModel
-    from_us: int
-    to_us: int
 
-    @property
-    def name(self) -> str:
-        """Ids of the causes, joined by '+'."""
-        return "+".join(cause.effect for cause in self.causes)
+def _main_size(cause: Cause) -> LearnedCause:
+    """First parameter of a cause."""
+    value = cause.parameters[0]
+    return LearnedCause(cause.effect, value.value, value.std, value.unit)
 
 
 def find_objection(whole: Diagnosis) -> str:

@@ -36,6 +36,7 @@ class LearningReport:
         found: What was learned, a clause; '' where there is nothing.
         causes: Causes of the learned model, the main one first.
         path: File of the model; '' where there is none.
+        model: Text of the model where it has just been confirmed; else ''.
         examined: Number of diagnoses of the whole record.
         proposed: Number of models that were proposed.
         spans: Number of spans of fresh readings that distinguished the model from the plain curve.
@@ -50,6 +51,7 @@ class LearningReport:
     found: str = ""
     causes: tuple[LearnedCause, ...] = ()
     path: str = ""
+    model: str = ""
     examined: int = 0
     proposed: int = 0
     spans: int = 0
@@ -57,15 +59,14 @@ class LearningReport:
     outcome: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Fields as JSON has them."""
-        return asdict(self) | {
-            "state": self.state.value,
-            "causes": [asdict(c) for c in self.causes],
-        }
+        """Fields as JSON has them, without the model's text."""
+        fields = asdict(self) | {"state": self.state.value}
+        del fields["model"]
+        return fields
 
     def to_line(self) -> str:
-        """One line of JSON."""
-        return json.dumps(self.to_dict()) + "\n"
+        """One line of JSON, with the model's text."""
+        return json.dumps(self.to_dict() | {"model": self.model}) + "\n"
 
     @classmethod
     def from_line(cls, line: str) -> "LearningReport":

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from math import hypot, isfinite
+from typing import NamedTuple
 
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -62,7 +63,9 @@ class CorrectingCore(ServiceCore):
         self._estimator = estimator
         self._shared = _SharedInputs(configuration, self.receiver)
         self._inputs = self._shared
-        self._changes: list[ModelChange] = []
+        self._changes: list[_PreparedChange] = []
+        self._fault_us: int | None = None
+        """Time of the latest fault, µs; None where there was none."""
         self._on_model = on_model
         self._beside: _CoreBeside | None = None
         for change in changes:
@@ -85,8 +88,9 @@ class CorrectingCore(ServiceCore):
             ConfigError: The model needs a channel or an axle that the configuration lacks.
 
         """
-        replace(self.configuration, model=change.model).require_identification()
-        self._changes.append(change)
+        # Made here, as it takes milliseconds: at a due time a setpoint would wait for it.
+        beside = _CoreBeside(replace(self.configuration, model=change.model), self._estimator)
+        self._changes.append(_PreparedChange(change.t_us, beside))
         self._changes.sort(key=lambda one: one.t_us)
 
     def next_change_us(self) -> int:
@@ -100,7 +104,7 @@ class CorrectingCore(ServiceCore):
 
     def _update(self, t_us: int, inputs: InputSnapshot) -> None:
         while self._changes and self._changes[0].t_us <= t_us:
-            inputs = self._turn_to(self._changes.pop(0).model, t_us, inputs)
+            inputs = self._turn_to(self._changes.pop(0).beside, t_us, inputs)
         super()._update(t_us, inputs)
         beside = self._beside
         if beside is not None:
@@ -109,17 +113,16 @@ class CorrectingCore(ServiceCore):
                 self._take_over(beside, t_us)
                 self.outputs = beside.outputs
 
-    def _turn_to(
-        self, model: ExtendedModel | None, t_us: int, inputs: InputSnapshot
-    ) -> InputSnapshot:
+    def _turn_to(self, beside: "_CoreBeside", t_us: int, inputs: InputSnapshot) -> InputSnapshot:
         """Let a model run beside the one in use; returns the inputs of this due time.
 
         The plain estimator takes over at once: what a refuted model says is not sent any longer.
         """
         self._drop_beside()
+        model = beside.configuration.model
         if model == self.model:
             return inputs
-        beside = _CoreBeside(replace(self.configuration, model=model), self._estimator, t_us)
+        beside.begin(t_us, self._fault_us)
         if model is None:
             self._take_over(beside, t_us)
             return self._inputs.snapshot(t_us)
@@ -144,6 +147,13 @@ class CorrectingCore(ServiceCore):
             self._take_over(self._beside, self.now_us)
         super()._forget()
 
+    def _add_fault(self, t_us: int, reason: str) -> None:
+        super()._add_fault(t_us, reason)
+        self._fault_us = t_us
+        if self._beside is not None:
+            # FAULT is held for its whole time, whichever model is in use then.
+            self._beside.hold_fault(t_us)
+
 
 class _CoreBeside(ServiceCore):
     """The parts of a core with another model, brought from due time to due time by the first one.
@@ -151,14 +161,24 @@ class _CoreBeside(ServiceCore):
     Args:
         configuration: That of the first core, with the other model.
         estimator: Name of the estimator; None: the configured one.
-        since_us: Time from which it runs, µs.
 
     """
 
-    def __init__(self, configuration: Configuration, estimator: str | None, since_us: int) -> None:
+    def __init__(self, configuration: Configuration, estimator: str | None) -> None:
         super().__init__(configuration, partial(configuration.make_estimator, estimator))
-        self.since_us = since_us
-        self._inputs.start(since_us)
+        self.since_us = 0
+        """Time from which it runs, µs."""
+
+    def begin(self, t_us: int, fault_us: int | None) -> None:
+        """Begin at a due time, µs, with the time of the first core's latest fault, µs."""
+        self.since_us = t_us
+        self._inputs.start(t_us)
+        if fault_us is not None:
+            self.hold_fault(fault_us)
+
+    def hold_fault(self, t_us: int) -> None:
+        """Hold FAULT because of a fault of the first core at a time, µs."""
+        self._status.add_fault(t_us)
 
     def add(self, readings: Iterable[Reading]) -> None:
         """Add readings of the first core."""
@@ -172,6 +192,19 @@ class _CoreBeside(ServiceCore):
     def parts(self) -> tuple[FrameInputs, EstimationLoop, StatusMachine, OutputBuilder]:
         """What the first core goes on with; this one is not used any more then."""
         return self._inputs, self._estimation, self._status, self._builder
+
+
+class _PreparedChange(NamedTuple):
+    """A change of the model that is still to come.
+
+    Attributes:
+        t_us: Earliest time, µs.
+        beside: Core with the model, which has not begun.
+
+    """
+
+    t_us: int
+    beside: _CoreBeside
 
 
 class _SharedInputs(FrameInputs):
@@ -202,6 +235,8 @@ def _may_take_over(now: Outputs, then: Outputs, beside_us: int) -> bool:
         beside_us: Time for which it has run beside, µs.
 
     """
+    if then.status is Status.FAULT:
+        return False
     if now.status is not Status.TRACKING:
         return then.status is Status.TRACKING or beside_us >= WARM_US
     return then.status is Status.TRACKING and all(

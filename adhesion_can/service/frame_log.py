@@ -14,6 +14,7 @@ from adhesion_can.errors import InputError
 from adhesion_can.files import whole_file
 from adhesion_can.pipes import is_stream, text_stream
 from adhesion_can.service.behind import DISK_END_S, STREAM_END_S, Behind
+from adhesion_can.service.log_comments import format_comment, stamp_of
 
 WAITING_LINES = 1 << 16
 """Largest number of lines that wait to be written: half a minute of the packaged message set."""
@@ -153,6 +154,8 @@ class LogBehind:
         self._log = FrameLog(path, notify)
         self._notify = notify
         self._end_s = STREAM_END_S if is_stream(path) else DISK_END_S
+        self._latest = ""
+        """Line that is being handed over."""
         self._lines: Behind[str] = Behind(
             "log",
             lambda lines: self._log.write("".join(lines)),
@@ -169,7 +172,8 @@ class LogBehind:
         return self._log.lost + self._lines.lost
 
     def write(self, line: str) -> None:
-        """Have a line written, with its end; never waits."""
+        """Have a line written, with its end, or several that belong together; never waits."""
+        self._latest = line
         self._lines.put(line)
 
     def request_next(self) -> None:
@@ -193,5 +197,6 @@ class LogBehind:
         self._notify("--log: losing lines: the disk or the reader is too slow")
 
     def _mark_hole(self, lines: int) -> None:
-        self._lines.put(f"# {lines} lines lost: the disk or the reader was too slow\n")
+        text = f"{lines} lines lost: the disk or the reader was too slow"
+        self._lines.put(format_comment(stamp_of(self._latest), "log", text))
         self._notify(f"--log: continues; {lines} lines lost")

@@ -1,8 +1,7 @@
-"""Changes of the extended model while a service runs, and their lines in its log."""
+"""Changes of the extended model while a service runs, and their comments in its log."""
 
 import base64
 import binascii
-import re
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -11,12 +10,12 @@ from adhesion_can.config.model_file import model_text, parse_model
 from adhesion_can.errors import RecordingError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.printable import printable
+from adhesion_can.service.log_comments import format_comment, format_stamp, read_comments
 
-_LINE = re.compile(rb"#(\d{1,15})\.(\d{6})# adhesion-can-model:(\S+) 000#\s*$")
-_NAME = b" adhesion-can-model:"
+_NAME = "adhesion-can-model"
 _NONE = b"-"
 _LONGEST = 1 << 16
-"""Most bytes of a model's text: more is none that a service wrote."""
+"""Largest size of a model's text, bytes; a service writes none that is larger."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +31,10 @@ class ModelChange:
     t_us: int
     model: ExtendedModel | None
 
-    def to_line(self) -> str:
-        """A line for the service's log: a comment to candump's readers.
-
-        python-can's, which knows no comments, reads an empty frame.
-        """
-        seconds, micros = divmod(self.t_us, 1_000_000)
+    def to_lines(self) -> str:
+        """A comment of one or more lines for the service's log."""
         packed = _NONE if self.model is None else _packed(model_text(self.model))
-        return f"#{seconds}.{micros:06d}#{_NAME.decode()}{packed.decode()} 000#\n"
+        return format_comment(format_stamp(self.t_us), _NAME, packed.decode())
 
 
 def read_model_changes(comments: Iterable[bytes], where: str) -> Iterator[ModelChange]:
@@ -50,30 +45,23 @@ def read_model_changes(comments: Iterable[bytes], where: str) -> Iterator[ModelC
         where: Name of the log, for errors.
 
     Raises:
-        RecordingError: A line is damaged: without its model the log cannot be replayed.
+        RecordingError: A change is damaged: without its model the log cannot be replayed.
 
     """
-    for line in comments:
-        if _NAME in line[:60]:
-            try:
-                yield _parse(line, where)
-            except ValueError as error:
-                raise RecordingError(
-                    where,
-                    f"the model to which the service changed is damaged ({error}): "
-                    f"{printable(line[:50].decode('latin-1'))}",
-                    "copy the log again, or replay the part before that line with --to",
-                ) from error
+    try:
+        for comment in read_comments(comments, _NAME):
+            yield ModelChange(comment.t_us, _model(comment.text, where))
+    except ValueError as error:
+        raise RecordingError(
+            where,
+            f"a model to which the service changed is damaged: {printable(str(error))}",
+            "copy the log again, or delete that line: behind it other setpoints come out",
+        ) from error
 
 
-def _parse(line: bytes, where: str) -> ModelChange:
-    """Change that a line holds; ValueError, which a ConfigError is not, where it is damaged."""
-    match = _LINE.match(line)
-    if match is None:
-        raise ValueError("no time and model")
-    t_us = int(match[1]) * 1_000_000 + int(match[2])
-    model = None if match[3] == _NONE else parse_model(_unpacked(match[3]), f"{where}: its model")
-    return ModelChange(t_us, model)
+def _model(packed: bytes, where: str) -> ExtendedModel | None:
+    """Model that a comment holds; ValueError, which a ConfigError is not, where it is damaged."""
+    return None if packed == _NONE else parse_model(_unpacked(packed), f"{where}: its model")
 
 
 def _packed(text: str) -> bytes:

@@ -15,11 +15,11 @@ from adhesion_can.cli.run_learning import RunLearning, command_with_model
 from adhesion_can.errors import InputError
 from adhesion_can.learning.confirmation import LearningState, ModelConfirmation
 from adhesion_can.learning.learned_file import write_learned
-from adhesion_can.learning.proposal import LearnedModel
+from adhesion_can.learning.proposal import propose_model
 from adhesion_can.learning.report import LearningReport
 from adhesion_can.recordings.candump import ReadReport, read_candump
 from tests.cli.test_never_blocked import assert_goes_on, assert_taken_back
-from tests.learning.learning_helpers import cause, model
+from tests.learning.learning_helpers import cause, diagnosis
 from tests.loopback_bus import ServiceProcess
 
 BUS = ("run", "-i", "virtual", "-c", "nobody")
@@ -88,7 +88,7 @@ def told(report):
     companion = SimpleNamespace(take_news=lambda: next(news, None), observe_readings=None)
     companion.observe_setpoint = None
     learning = RunLearning(companion, kept, ["run", "-c", "can0"])
-    learning.observe(SimpleNamespace(on_readings=None), [], kept)
+    learning.observe(SimpleNamespace(on_readings=None, now_us=5_000_000), [], kept)
     learning.look()
     learning.look()
     return kept.lines, kept.logged
@@ -98,9 +98,8 @@ def test_a_proposal_is_a_line_and_a_comment():
     report = LearningReport(state=LearningState.ESTIMATED, news="speed\nlow", path="m.toml")
     lines, logged = told(report)
     assert len(lines) == len(logged) == 1
-    assert logged[0].startswith("# learn: ")
     # Whatever a sentence contains, the comment is one line, and no frame of a replay.
-    assert logged[0].count("\n") == 1
+    assert logged == ["#5.000000# learn:speed\\nlow 000#\n"]
     assert not list(read_candump([logged[0].encode()], ReadReport()))
 
 
@@ -146,8 +145,8 @@ def test_monitor_names_what_was_learned(tmp_path):
     folder = LearnedFolder(tmp_path, lambda: now_s[0])
     assert folder.sentences() == ()
     one = cause()
-    learned = LearnedModel((one,), model(one), 0, 300_000_000)
-    write_learned(tmp_path, learned, ModelConfirmation(0))
+    learned = propose_model(diagnosis(one), 0, 300_000_000)
+    write_learned(tmp_path, learned, ModelConfirmation(0), "vehicle")
     (tmp_path / "learned-odd.toml").write_bytes(b"\xff")
     assert folder.sentences() == ()
     now_s[0] += LOOK_S

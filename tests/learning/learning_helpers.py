@@ -1,5 +1,7 @@
 """Diagnoses and models that tests make by hand."""
 
+import numpy as np
+
 from adhesion_can.diagnosis.cause_result import Cause, ParameterValue
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.estimation.extended.model import ExtendedModel
@@ -21,7 +23,16 @@ def cause(effect="speed_scale", values=(-0.01,), stds=(0.0005,), form="", **more
 
 def model(*causes):
     """Extended model with the effects of causes."""
-    return ExtendedModel(BASE, effects=tuple(map(active, causes)))
+    covariances = tuple(map(covariance, causes))
+    return ExtendedModel(BASE, effects=tuple(map(active, causes)), covariances=covariances)
+
+
+def covariance(one):
+    """Covariance of a cause's parameters; None where a standard deviation is not known."""
+    stds = [value.std for value in one.parameters]
+    if None in stds:
+        return None
+    return tuple(tuple(row) for row in np.diag(np.square(stds)).tolist())
 
 
 def active(one):

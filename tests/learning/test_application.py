@@ -1,9 +1,9 @@
 """What a service does with the reports of its learner."""
 
-import pytest
+from dataclasses import replace
 
 from adhesion_can.config import load_configuration
-from adhesion_can.config.model_file import write_model
+from adhesion_can.config.model_file import model_text
 from adhesion_can.learning.application import AppliedModels
 from adhesion_can.learning.confirmation import LearningState
 from adhesion_can.learning.report import LearningReport
@@ -22,7 +22,7 @@ class Service:
         self.log = []
         self.applied = AppliedModels(self.log.append)
         self.core = CorrectingCore(CONFIG, on_model=self.applied.note)
-        self.applied.change(self.core)
+        self.applied.attach(self.core)
         self.frames = list(drive())
         self.play(1.0)
 
@@ -32,25 +32,19 @@ class Service:
             self.core.feed(self.frames.pop(0))
 
     def changes(self):
-        return list(read_model_changes([line.encode() for line in self.log], "log"))
+        return list(read_model_changes("".join(self.log).encode().splitlines(), "log"))
 
 
-@pytest.fixture
-def confirmed(tmp_path):
-    path = tmp_path / "learned.toml"
-    write_model(model_of(-0.01), path)
-    return LearningReport(
-        state=LearningState.CONFIRMED, path=str(path), found="speed low", news="x"
-    )
-
-
+CONFIRMED = LearningReport(
+    state=LearningState.CONFIRMED, model=model_text(model_of(-0.01)), found="speed low", news="x"
+)
 DROPPED = LearningReport(state=LearningState.INVALID, news="dropped")
 
 
-def test_a_confirmed_model_is_begun_after_what_was_worked_ahead_and_logged(confirmed):
+def test_a_confirmed_model_is_begun_after_what_was_worked_ahead_and_logged():
     service = Service()
     due_us = service.core.next_due_us
-    assert "beside" in service.applied.obey(confirmed)
+    assert "beside" in service.applied.follow(CONFIRMED)
     (change,) = service.changes()
     assert change.t_us > due_us
     assert change.model.effects == model_of(-0.01).effects
@@ -58,12 +52,12 @@ def test_a_confirmed_model_is_begun_after_what_was_worked_ahead_and_logged(confi
     assert service.core.model_beside is not None or service.core.model is not None
 
 
-def test_a_dropped_model_is_taken_back_once(confirmed):
+def test_a_dropped_model_is_taken_back_once():
     service = Service()
-    service.applied.obey(confirmed)
+    service.applied.follow(CONFIRMED)
     service.play(2.0)
-    service.applied.obey(DROPPED)
-    service.applied.obey(DROPPED)
+    service.applied.follow(DROPPED)
+    service.applied.follow(DROPPED)
     service.play(0.5)
     assert [change.model is None for change in service.changes()] == [False, True]
     assert service.core.model is service.core.model_beside is None
@@ -71,7 +65,7 @@ def test_a_dropped_model_is_taken_back_once(confirmed):
 
 def test_what_was_never_applied_is_not_taken_back():
     service = Service()
-    assert service.applied.obey(DROPPED) == ""
+    assert service.applied.follow(DROPPED) == ""
     assert not service.applied.take_back()
     assert service.log == []
 
@@ -85,18 +79,17 @@ def test_it_is_said_which_model_took_over():
     assert service.applied.take_news() == ""
 
 
-def test_a_file_that_is_gone_is_said_and_changes_nothing():
+def test_a_model_that_is_damaged_is_reported_and_changes_nothing():
     service = Service()
-    gone = LearningReport(state=LearningState.CONFIRMED, path="/nowhere/a.toml", news="x")
-    assert "not applied" in service.applied.obey(gone)
+    assert "not applied" in service.applied.follow(replace(CONFIRMED, model="[base]\n"))
     assert service.log == []
 
 
-def test_another_log_gets_the_latest_change_again(confirmed):
+def test_another_log_gets_the_latest_change_again():
     service = Service()
     service.applied.log_again()
     assert service.log == []
-    service.applied.obey(confirmed)
+    service.applied.follow(CONFIRMED)
     service.applied.log_again()
     assert len(service.log) == 2
     assert service.log[0] == service.log[1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.config import load_configuration
-from adhesion_can.config.model_file import read_model
+from adhesion_can.config.model_file import parse_model, read_model
 from adhesion_can.errors import InputError
 from adhesion_can.learning import learner as module
 from adhesion_can.learning.confirmation import LearningState
@@ -114,6 +114,9 @@ def test_what_is_confirmed_is_a_file_that_run_takes(course, tmp_path):
     last = ran.reports[-1]
     assert last.path == str(tmp_path / "learned-speed_scale.toml")
     assert last.causes == (LearnedCause("speed_scale", -0.01, 0.0005, "1"),)
+    # The service gets the model itself: it need not read the file.
+    assert [one.model != "" for one in ran.reports if one.news] == [False, True]
+    assert last.model == ""
     model = read_model(tmp_path / "learned-speed_scale.toml")
     assert [(one.effect.id, one.values) for one in model.effects] == [("speed_scale", (-0.01,))]
     assert model.provenance["state"] == "confirmed"
@@ -184,6 +187,71 @@ def test_a_folder_that_is_gone_is_reported_and_learning_goes_on(course, tmp_path
     assert [state for state, _ in ran.news] == ["estimated", "confirmed"]
     assert all("not written" in news for _, news in ran.news)
     assert ran.reports[-1].path == ""
+    assert [one.model != "" for one in ran.reports if one.news] == [False, True]
+
+
+@pytest.fixture
+def confirmed(course):
+    """Course whose model was confirmed shortly before 600 s; its file is in the folder."""
+    ran = course(LOW, LOW, LOW).go(600)
+    assert ran.reports[-1].state is LearningState.CONFIRMED
+    return ran
+
+
+def begin_again(course, now_s, **more):
+    """Course of a service that is started at a time, s."""
+    ran = course(**more)
+    ran.now_s = now_s
+    return ran
+
+
+def test_after_a_start_a_confirmed_model_is_confirmed_again_on_fresh_readings(course, confirmed):
+    ran = begin_again(course, 5000).go(5002)
+    assert [state for state, _ in ran.news] == ["estimated"]
+    assert "learned before this start" in ran.news[0][1]
+    before = confirmed.reports[-1]
+    assert (ran.reports[-1].causes, ran.reports[-1].found) == (before.causes, before.found)
+    assert ran.reports[-1].path == before.path
+    ran.go(5200)
+    # Sooner than a record could be diagnosed, and nothing was.
+    assert [state for state, _ in ran.news] == ["estimated", "confirmed"]
+    assert ran.examined == []
+    assert parse_model(ran.reports[-2].model or ran.reports[-1].model, "report").effects
+
+
+@pytest.mark.usefixtures("confirmed")
+def test_a_service_that_ends_before_it_is_confirmed_again_leaves_the_file(course):
+    for now_s in (5000, 6000):
+        ran = begin_again(course, now_s).go(now_s + 30)
+        assert [state for state, _ in ran.news] == ["estimated"]
+
+
+@pytest.mark.usefixtures("confirmed")
+def test_a_kept_model_that_does_not_hold_any_more_is_dropped_for_good(course):
+    ran = begin_again(course, 5000, is_better=False).go(5200)
+    assert [state for state, _ in ran.news] == ["estimated", "invalid"]
+    assert begin_again(course, 6000).go(6010).news == []
+
+
+@pytest.mark.usefixtures("confirmed")
+@pytest.mark.parametrize(("now_s", "in_use"), [(600 + 86_400 + 60, ()), (5000, ("speed_scale",))])
+def test_a_kept_model_that_is_too_old_or_in_use_is_not_taken_up(course, now_s, in_use):
+    assert begin_again(course, now_s, in_use=in_use).go(now_s + 10).news == []
+
+
+@pytest.mark.usefixtures("confirmed")
+def test_a_file_of_another_vehicle_or_of_no_model_is_not_taken_up(course, tmp_path):
+    path = tmp_path / "learned-speed_scale.toml"
+    text = path.read_text()
+    for other in (text.replace('"vehicle" = "', '"vehicle" = "x'), "", text[:200]):
+        assert other != text
+        path.write_text(other)
+        assert begin_again(course, 5000).go(5010).news == []
+
+
+def test_a_model_that_holds_for_long_is_not_too_old_after_it(course, confirmed):
+    confirmed.go(90_000)
+    assert begin_again(course, 91_000).go(91_010).news != []
 
 
 def test_a_report_survives_its_pipe():

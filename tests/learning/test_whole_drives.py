@@ -114,7 +114,7 @@ class CorrectedService:
         self.applied = AppliedModels(self.log.append)
         self.core = CorrectingCore(CONFIG, on_model=self._note, on_setpoint=self._observe)
         self.core.on_readings = self._add
-        self.applied.change(self.core)
+        self.applied.attach(self.core)
         self._learner = Learner(CONFIG, folder, self._hear)
         self._doubt, self._next_us = Doubt.NONE, 0
 
@@ -134,7 +134,7 @@ class CorrectedService:
     def _hear(self, report):
         self.reports.append(report)
         if report.news:
-            self.applied.obey(report)
+            self.applied.follow(report)
 
     def _note(self, t_us, model):
         self.taken.append((t_us / 1e6, None if model is None else tuple(model.names)))
@@ -155,7 +155,7 @@ def test_a_sensor_goes_off_is_corrected_goes_back_and_the_model_is_dropped(tmp_p
     assert plain is None
     assert service.core.model is None
 
-    changes = read_model_changes([line.encode() for line in service.log], "log")
+    changes = read_model_changes("".join(service.log).encode().splitlines(), "log")
     again = CorrectingCore(CONFIG, changes)
     assert [sent for frame in frames_of(path) for sent in again.feed(frame)] == service.sent
 

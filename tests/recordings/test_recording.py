@@ -802,3 +802,23 @@ def test_a_byte_order_mark_is_no_part_of_the_first_line(tmp_path, suffix):
     named = tmp_path / "a.candump"  # known by its first line alone
     named.write_bytes(text[: text.index(b"\n") + 1])
     assert read_both_ways(named)[0] == frames[:1]
+
+
+@pytest.mark.parametrize("suffix", [".log", ".log.gz"])
+@pytest.mark.parametrize("size", [40, 1 << 20])
+def test_comments_are_whole_lines_wherever_chunks_end(tmp_path, monkeypatch, suffix, size):
+    frame = b"(1.000000) can0 123#00\n"
+    comments = [b"# first\n", b"#second\n", b"#\n", b"# a longer one, longer than a chunk is\n"]
+    text = comments[0] + comments[1] + 3 * frame + comments[2] + frame + comments[3] + frame
+    path = tmp_path / f"a{suffix}"
+    opened = gzip.open if suffix.endswith("gz") else open
+    with opened(path, "wb") as file:
+        file.write(text + b"# cut")
+    monkeypatch.setattr(recordings, "_CHUNK", size)
+    assert list(Recording(path).comments()) == comments
+
+
+def test_other_formats_have_no_comments(tmp_path):
+    path = tmp_path / "a.asc"
+    written(path, plain_frames(3))
+    assert list(Recording(path).comments()) == []

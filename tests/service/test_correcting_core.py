@@ -178,3 +178,25 @@ def test_a_model_that_is_in_use_is_not_begun_again():
     noted = Noted((3.0, model), configuration=config)
     assert noted.taken == []
     assert noted.sent == play(ServiceCore(config))
+
+
+@pytest.mark.parametrize("model", [None, model_of(-0.01)])
+def test_fault_is_held_for_its_whole_time_whichever_model_is_in_use(model):
+    """A second sender, 0.2 s before a change and after it; the drive would be in TRACKING."""
+    start = replace(CONFIG, model=model_of(0.004) if model is None else None)
+    for fault_s in (2.9, 3.05):
+        seen = {}
+        core = CorrectingCore(
+            start,
+            [ModelChange(start_us() + 3_000_000, model)],
+            on_setpoint=lambda t_us, outputs, seen=seen: seen.update({t_us: outputs.status}),
+        )
+        fault_us = start_us() + round(1e6 * fault_s)
+        play(core, [frame for frame in drive() if frame.t_us < fault_us])
+        core.second_sender(fault_us)
+        play(core, [frame for frame in drive() if frame.t_us >= fault_us])
+        held = {status for t_us, status in seen.items() if fault_us < t_us < fault_us + 1_000_000}
+        assert held == {Status.FAULT}
+        assert core.model == model
+        later = [status for t_us, status in seen.items() if t_us > fault_us + 2_000_000]
+        assert Status.FAULT not in later

@@ -2,15 +2,18 @@
 
 import errno
 import gzip
+import io
 import os
 import threading
 
 import pytest
+from can.io.canutils import CanutilsLogReader
 
 from adhesion_can.errors import InputError
 from adhesion_can.recordings.candump import ReadReport, read_candump
 from adhesion_can.service import frame_log
 from adhesion_can.service.frame_log import FrameLog, LogBehind
+from adhesion_can.service.log_comments import stamp_of
 
 
 class FullDisk:
@@ -163,7 +166,11 @@ def test_a_stalled_reader_loses_whole_lines_and_a_comment_says_how_many(pipe, mo
     assert lost >= 51
     assert report.passed_over == 0
     assert report.kinds["comment"] == 1
-    assert f"# {lost} lines lost: the disk or the reader was too slow\n".encode() in lines
+    # The stamp is that of the line behind the hole.
+    (comment,) = (line.decode() for line in lines if line.startswith(b"#"))
+    text = f"{lost}_lines_lost:_the_disk_or_the_reader_was_too_slow"
+    assert comment == f"#{stamp_of(LINE)}# log:{text} 000#\n"
+    assert len(list(CanutilsLogReader(io.StringIO(comment + LINE)))) == 2
     assert [line.split(";")[0] for line in notices] == [
         "--log: losing lines: the disk or the reader is too slow",
         "--log: continues",

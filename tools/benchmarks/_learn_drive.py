@@ -9,6 +9,17 @@ from types import SimpleNamespace
 import numpy as np
 from _truth_drive import measure
 
+from adhesion_can import replay
+from adhesion_can.config import load_configuration
+from adhesion_can.config.model_file import parse_model
+from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.learning.learner import Learner
+from adhesion_can.learning.record import ReadingRecord
+from adhesion_can.offline.load_traces import load_traces
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.effects import ActiveEffect, forms_of_effect
+from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
+from adhesion_can.service.model_changes import ModelChange
 from tests.worlds import make_world
 from tests.worlds.hidden import Hidden
 from tests.worlds.world import World
@@ -23,8 +34,10 @@ SIZES = {
 the rail, each axle finds a cleaner rail. The worlds that hide it have formulas of their own."""
 SOUND = "null:0"
 """Kind of a drive that hides nothing."""
-LOADED_S = 600.0
-"""Time from which a service that applies what it learns is judged, s."""
+JUDGED_S = 600.0
+"""Time from which setpoints are judged, s."""
+LEAST_CREEP = 5e-4
+"""Creep of an axle from which a drive pulls or brakes; below it, it coasts."""
 STEP_US = 1_000_000
 """Time between two looks of the learner at what has come, µs."""
 
@@ -46,14 +59,14 @@ def run_drive(task):
         log = Path(folder) / "drive.log"
         try:
             truth = make_drive(kind, seed, log, duration_s)
-            record["plain"], doubts = measure_plain(truth, log)
-            learned = learn(log, doubts, Path(folder))
+            plain = replay(log)
+            record["plain"] = measure_late(truth, log, plain)
+            learned = learn(log, (plain["time_s"], plain["doubt"]), Path(folder))
             record |= {name: value for name, value in vars(learned).items() if name != "changes"}
             if kind != SOUND:
-                if duration_s > LOADED_S:
-                    record["applied"] = measure_applied(truth, log, learned.changes)
+                record["applied"] = measure_applied(truth, log, learned.changes)
                 if with_true:
-                    record["true"] = measure(truth, log, true_model(truth)).to_dict()
+                    record["true"] = measure_late(truth, log, replay(log, model=true_model(truth)))
         except Exception as error:  # noqa: BLE001  whatever it was: it is the finding
             record["error"] = repr(error)[:500]
     record["seconds"] = round(time.perf_counter() - began, 1)
@@ -68,41 +81,33 @@ def make_drive(kind, seed, log, duration_s):
     return world.written((kind,), log, (0.0, np.inf), fresh=False)
 
 
-def measure_plain(truth, log):
-    """Figures of the service without a model, and its doubt over time as (s, name) columns."""
-    from adhesion_can import replay
-
-    table = replay(log)
-    return measure(truth, log, None, table=table).to_dict(), (table["time_s"], table["doubt"])
-
-
 def measure_applied(truth, log, changes):
-    """Figures from 600 s on of a service that changed its model as `--learn apply` does.
+    """Figures of a service that changes its model as `--learn apply` does.
 
     Its log has the changes; what it sent before them is what it sent without them.
     """
-    from adhesion_can import replay
-
     with log.open("a") as file:
-        file.writelines(change.to_line() for change in changes)
-    table = replay(log)
-    late = table["time_s"] >= LOADED_S + table["time_s"][0]
-    return measure(
-        truth, log, None, table={name: column[late] for name, column in table.items()}
-    ).to_dict()
+        file.writelines(change.to_lines() for change in changes)
+    return measure_late(truth, log, replay(log))
+
+
+def measure_late(truth, log, table):
+    """Figures of setpoints from `JUDGED_S` on, and of those during which the drive pulls."""
+    late = table["time_s"] >= JUDGED_S + table["time_s"][0]
+    table = {name: column[late] for name, column in table.items()}
+    profile = truth.true_contact.profile
+    creep = np.abs(profile.slip).max(axis=1)
+    row = np.clip(np.searchsorted(profile.t, table["time_s"]), 0, len(creep) - 1)
+    pulls = creep[row] > LEAST_CREEP
+    return {
+        "figures": measure(truth, log, None, table=table).to_dict(),
+        "pulls": float(pulls.mean()),
+        "tracking_of_pulls": float((table["status"][pulls] == "TRACKING").mean()),
+    }
 
 
 def learn(log, doubts, folder):
     """What a learner proposes and confirms, fed with the readings of a drive second by second."""
-    from adhesion_can.config import load_configuration
-    from adhesion_can.config.model_file import read_model
-    from adhesion_can.learning.learner import Learner
-    from adhesion_can.learning.record import ReadingRecord
-    from adhesion_can.offline.load_traces import load_traces
-    from adhesion_can.physics.doubt import Doubt
-    from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
-    from adhesion_can.service.model_changes import ModelChange
-
     config = load_configuration()
     blocks = blocks_in_sequence(open_recordings([log]), config.service.restart_s)
     drive = ReadingRecord(window_s=1e9, most_readings=10**9)
@@ -123,7 +128,7 @@ def learn(log, doubts, folder):
             told.proposed_s = now_s if told.proposed_s is None else told.proposed_s
         elif report.state == "confirmed" and report.news:
             told.confirmed_s = now_s
-            told.changes.append(ModelChange(report.t_us, read_model(Path(report.path))))
+            told.changes.append(ModelChange(report.t_us, parse_model(report.model, "learned")))
         elif report.state == "invalid":
             told.dropped += 1
             told.changes.append(ModelChange(report.t_us, None))
@@ -141,9 +146,6 @@ def learn(log, doubts, folder):
 
 def true_model(truth):
     """The extended model that holds what a drive hides."""
-    from adhesion_can.estimation.extended.model import ExtendedModel
-    from adhesion_can.physics.effects import ActiveEffect, forms_of_effect
-
     actives = []
     for hidden in truth.effects:
         effect = next(one for one in forms_of_effect(hidden.effect) if one.form == hidden.form)

@@ -1,4 +1,5 @@
-"""One loop on a bus for some seconds: the service, or a bare one; its figures as JSON.
+"""One loop on a bus for some seconds: the service, with or without a learner, or a bare one; its
+figures as JSON.
 
 The bare loop receives, decodes with cantools, and sends the same frames at the same due times,
 encoded by cantools from fixed values: what python-can and cantools cost by themselves.
@@ -8,6 +9,9 @@ import argparse
 import json
 import time
 from collections import deque
+from contextlib import closing
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from _live_bus import Bus, TimedBus, can, drive_frames, play_beside
@@ -23,6 +27,8 @@ from adhesion_can.service.schedule import Schedule
 SETTLED_S = 2.0
 """Time at the start that does not count: numpy and the estimator warm up."""
 WAIT_S = 0.002
+LEAST_RECORD_S = 5.0
+"""Shortest record that the learner diagnoses, s: it has something to do for the whole run."""
 
 
 class Lateness:
@@ -39,13 +45,43 @@ class Lateness:
 
 
 def run_service(timed, config, seconds, begin):
-    clock = start_clock()
-    lateness = Lateness(clock)
-    core = ServiceCore(config, on_setpoint=lateness.add)
+    lateness = Lateness(start_clock())
+    return serve(ServiceCore(config, on_setpoint=lateness.add), lateness, timed, seconds, begin)
+
+
+def run_learning(timed, config, seconds, begin):
+    """The service with `--learn apply`, whose learner diagnoses without a pause."""
+    from adhesion_can.learning.child import LearningTask
+    from adhesion_can.learning.companion import LearningCompanion
+    from adhesion_can.learning.learner import LearningSettings
+    from adhesion_can.service.correcting_core import CorrectingCore
+
+    lateness = Lateness(start_clock())
+    settings = LearningSettings(interval_s=1.0, least_s=LEAST_RECORD_S)
+    with TemporaryDirectory() as folder:
+        companion = LearningCompanion(LearningTask(config, Path(folder), settings), print)
+        with closing(companion):
+
+            def observe(t_us, outputs):
+                lateness.add(t_us, outputs)
+                companion.observe_setpoint(t_us, outputs)
+
+            core = CorrectingCore(config, on_setpoint=observe)
+            core.on_readings = companion.observe_readings
+            figures = serve(core, lateness, timed, seconds, begin, each_turn=companion.take_news)
+            return figures | {
+                "diagnoses": companion.report.examined,
+                "learning_lost_s": companion.lost_s,
+            }
+
+
+def serve(core, lateness, timed, seconds, begin, **options):
+    """Run a core on the bus; its figures."""
     bus = ReconnectingBus(lambda: timed, core.ids)
     # The log is written, as a bench has it.
     lines = deque(maxlen=1)
-    service = LiveService(core, bus, clock=clock, write_log=lines.append)
+    clock = lateness.clock
+    service = LiveService(core, bus, clock=clock, write_log=lines.append, **options)
     begin()
     service.run(service.clock() + round(seconds * 1e6))
     return {
@@ -90,7 +126,7 @@ def run_bare(timed, config, seconds, begin):
     return {}
 
 
-LOOPS = {"service": run_service, "bare": run_bare}
+LOOPS = {"service": run_service, "learning": run_learning, "bare": run_bare}
 
 
 def main():

@@ -26,6 +26,8 @@ INSIDE = "ADHESION_CAN_OWN_NETWORK"
 OWN_RATE = 466
 """Frames a second of the full input set."""
 SETTLED_US = 2_000_000
+LEARNING_S = 40.0
+"""Shortest run beside a learner, s: it takes seconds to start."""
 
 
 def loop(kind, bus, seconds, *, foreign=0.0, pauses=(), play=False):
@@ -132,6 +134,22 @@ def computing(report, options):
     report.at_most("service, % of a core", 100 * runs["service"]["cpu"], 15.0, ".1f")
 
 
+def learn(report, options):
+    """with and without --learn apply, in turns: frame to setpoint, share of a core"""
+    found = {"service": [], "learning": []}
+    for _ in range(options.runs):
+        for kind, figures in found.items():
+            figures.append(loop(kind, MULTICAST, max(options.seconds, LEARNING_S)))
+    diagnoses = sum(run["diagnoses"] for run in found["learning"])
+    lost_s = sum(run["learning_lost_s"] for run in found["learning"])
+    report.write(f"the learner made {diagnoses} diagnoses and lost {lost_s:g} s of readings")
+    for name, unit in (("p50_us", "us"), ("p99_us", "us"), ("cpu", "of a core")):
+        without, learning = (median(run[name] for run in runs) for runs in found.values())
+        report.write(f"{name}: {learning:.4g} {unit} with --learn, {without:.4g} without")
+        if name != "p50_us":
+            report.at_most(f"{name} with --learn over without", learning / without, 1.25, ".2f")
+
+
 ROWS = {
     "virtual": virtual,
     "multicast": multicast,
@@ -139,6 +157,7 @@ ROWS = {
     "quiet": quiet,
     "load": load,
     "computing": computing,
+    "learn": learn,
 }
 
 
