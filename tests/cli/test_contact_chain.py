@@ -13,9 +13,8 @@ from tests.cli.played_bus import PlayedBus, run_on_recording
 SETTLED_S = 20.0
 
 
-@pytest.mark.parametrize(
-    "seed", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_rail_in_polachs_form_is_doubted_until_a_model_has_its_shape(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

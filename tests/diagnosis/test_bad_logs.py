@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from tests.diagnosis.bad_logs import CYCLE_S, MISSING, readings, write
 from tests.diagnosis.diagnosis_helpers import diagnosed
+from tests.seeds import first_quick
 
 PLAIN = readings()
 
@@ -168,7 +169,7 @@ GAPS = {
 
 @pytest.mark.parametrize(
     "kind",
-    ["three gaps of four seconds", *(pytest.param(k, marks=pytest.mark.slow) for k in [*GAPS][1:])],
+    first_quick(GAPS),
 )
 def test_gaps_cost_the_rows_beside_them_and_no_more(kind, tmp_path):
     answer = run(tmp_path, **GAPS[kind])

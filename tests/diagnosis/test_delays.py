@@ -14,6 +14,7 @@ from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.readings import Role
 from adhesion_can.sampling.traces import Trace
 from tests.diagnosis.diagnosis_helpers import SyntheticDrive, burckhardt, write_table
+from tests.seeds import first_quick
 
 STEP_S = 0.02
 
@@ -209,9 +210,7 @@ def noisy_car(path, seed, late_s):
     return write_table(path, columns)
 
 
-@pytest.mark.parametrize(
-    "late_s", [0.05, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.13, -0.05))]
-)
+@pytest.mark.parametrize("late_s", first_quick([0.05, 0.13, -0.05]))
 @pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 4), marks=pytest.mark.slow)])
 def test_noise_of_the_slips_moves_no_delay_and_makes_no_relaxation_of_it(tmp_path, late_s, seeds):
     """Between rows a straight line averages noise, and so does a relaxation."""

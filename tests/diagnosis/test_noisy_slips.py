@@ -7,6 +7,7 @@ from adhesion_can import diagnose
 from adhesion_can.diagnosis.regression.estimate_slip_noise import estimate_slip_noise
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns
 from tests.diagnosis.diagnosis_helpers import write_table
+from tests.seeds import first_quick
 
 STEP_S = 0.02
 SEEDS = range(6)
@@ -67,9 +68,7 @@ def test_differences_do_not_reach_over_a_gap():
     assert not estimate_slip_noise(noise, -noise, np.ones(rows), runs, np.ones(rows, bool))
 
 
-@pytest.mark.parametrize(
-    "seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[1:])]
-)
+@pytest.mark.parametrize("seed", first_quick(SEEDS))
 def test_noise_of_the_slips_is_no_finding(tmp_path, seed):
     # Taken as exact, these slips left 'unexplained' with a gain of 19 % in every draw.
     time_s, slip, adhesion, speed = true_contact(15_000)

@@ -13,6 +13,7 @@ from adhesion_can.estimation.extended.model import BaseCurve, ExtendedModel
 from adhesion_can.estimation.tracker.tracker import Tracker
 from adhesion_can.physics.curves import family_by_name
 from tests.diagnosis.diagnosis_helpers import samples
+from tests.seeds import first_quick
 
 KA, KS, MU0, A, B = 0.5, 0.2, 0.42, 0.4, 0.6
 LOAD, AXLES, CYCLE_S = 210e3, 4, 0.05
@@ -57,7 +58,7 @@ def run(estimator, seed, duration_s=40.0):
     return found, float(curve.max()), float(grid[curve.argmax()])
 
 
-SEEDS = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
+SEEDS = first_quick([1, 2, 3])
 
 
 @pytest.mark.parametrize("seed", SEEDS)

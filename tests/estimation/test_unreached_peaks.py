@@ -19,6 +19,7 @@ from adhesion_can.estimation.tracker.posterior import (
 )
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import PriorSettings, TrackerSettings
+from tests.seeds import first_quick
 
 ROOT = Path(__file__).resolve().parents[2]
 NOISE_STD = 0.01
@@ -52,9 +53,7 @@ def draw_data(bound, rng, used):
     return h, c1 * -np.expm1(-c2 * h) - c3 * h + NOISE_STD * rng.standard_normal(len(h))
 
 
-@pytest.mark.parametrize(
-    "used", [0.95, *(pytest.param(used, marks=pytest.mark.slow) for used in (0.5, 0.7, 0.9))]
-)
+@pytest.mark.parametrize("used", first_quick([0.95, 0.5, 0.7, 0.9]))
 def test_one_draw_is_the_exact_posterior(tools, used):
     """Mean and standard deviation of ln μ_max: over 300 surfaces up to 0.21 and 0.90 to 1.10."""
     prior, noise = Prior(PriorSettings()), NoisePrior(NOISE_STD**2, 1e6)

@@ -25,6 +25,7 @@ from adhesion_can.values import Stateful, Value
 from tests.estimation.curves.family_helpers import make_samples as make_law_samples
 from tests.estimation.curves.family_helpers import polach
 from tests.estimation.doubt.doubt_helpers import AXLES, THETA, in_seconds, make_samples
+from tests.seeds import first_quick
 
 STEP_S = 0.2
 MU_MAX, LAMBDA_M = (float(x) for x in (peak(*THETA, 0.5).mu_max, peak(*THETA, 0.5).lambda_m))
@@ -78,7 +79,7 @@ def test_without_an_error_there_is_no_doubt_and_nothing_is_lost(seed: int) -> No
         ({"effort_bias": 9000.0}, {Doubt.DIRECTION}),
     ],
 )
-@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in (1, 2))])
+@pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_a_hidden_error_is_doubted_and_no_wrong_peak_is_certain(
     hidden: dict[str, float], doubts: set[Doubt], seed: int
 ) -> None:
