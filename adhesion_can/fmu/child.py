@@ -21,6 +21,8 @@ put_off_asammdf()  # no file is read here, and to import it takes longer than al
 
 from adhesion_can.fmu.contents import read_contents
 from adhesion_can.fmu.session import LONGEST_ERROR, PROTOCOL, Session, hello
+from adhesion_can.printable import say
+from adhesion_can.version import __version__
 
 _NUMBER = array("d").itemsize
 
@@ -84,6 +86,9 @@ def _packed(numbers: list[float]) -> bytes:
 
 def main() -> int:
     """Serve the FMU that the first argument names."""
+    if len(sys.argv) != 2:
+        say(f"adhesion-can {__version__} is here; FMUs start it")
+        return 2
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the host, which closes our input
     # What somebody prints goes to the standard error.
     answers = os.dup(1)

@@ -9,6 +9,7 @@
 All but the last are read by the process of the FMU.
 """
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -114,7 +115,8 @@ def read_contents(folder: Path) -> tuple[FmuContents, str]:
             raise InputError(f"{FMU}: {key}", "missing", _AGAIN)
         values[key] = typed(document[key], str, f"{FMU}: {key}")
     if values["version"] != __version__:
-        what = f"exported by adhesion-can {values['version']}, and {__version__} is installed"
+        here = f"{__version__} is installed for {sys.executable}"
+        what = f"exported by adhesion-can {values['version']}, and {here}"
         raise InputError("this FMU", what, f"{_AGAIN}, or install that version")
     kind = next((one for one in KINDS if one == values["kind"]), None)
     databases = sorted(folder.glob(f"{DATABASE}.*"))

@@ -92,8 +92,9 @@ def describe(
         stepSize=_number(step_s),
     )
     tool = SubElement(SubElement(root, "VendorAnnotations"), "Tool", name="adhesion-can")
+    origins = SubElement(tool, "Origins")  # FMI allows one element in a tool's annotation
     for name, text in origin.items():
-        SubElement(tool, "Origin", name=name, sha256=text)
+        SubElement(origins, "Origin", name=name, sha256=text)
     _add_variables(root, variables)
     _add_structure(root, variables)
     indent(root)

@@ -177,8 +177,12 @@ def _run(words: Sequence[str], name: str, folder: str) -> None:
             check=False,
             stdin=subprocess.DEVNULL,
         )
-    except (OSError, subprocess.TimeoutExpired) as error:
+    except OSError as error:
         raise InputError(where, f"the compiler: {error}", "check the compiler") from error
+    except subprocess.TimeoutExpired as error:
+        what = f"the compiler had not finished after {LONGEST_S:g} s"
+        fix = "export again: Zig continues where it was; one --platform takes less time than all"
+        raise InputError(where, what, fix) from error
     if done.returncode:
         said = done.stderr.strip().splitlines() or ["no message"]
         raise InputError(where, f"the compiler failed: {said[0]}", "check the compiler")

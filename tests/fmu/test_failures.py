@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from adhesion_can.version import __version__
+
 pytest.importorskip("fmpy", reason="needs the extra 'test'")
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -162,7 +164,24 @@ def test_an_interpreter_without_the_package(host, monkeypatch, tmp_path):
     with pytest.raises(Exception, match="instantiate"):
         host.instantiate("controller")
     assert "ended with status 1" in host.said[-1]
-    assert "pip install adhesion-can" in host.said[-1]
+    assert "in which adhesion-can is installed" in host.said[-1]
+
+
+def test_the_module_that_an_fmu_starts_names_its_version():
+    words = [sys.executable, "-m", "adhesion_can.fmu.child"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60, cwd=ROOT)
+    assert done.stderr == f"adhesion-can {__version__} is here; FMUs start it\n"
+
+
+def test_a_start_that_takes_too_long_names_the_limit(host, monkeypatch, tmp_path):
+    slow = script(tmp_path / "slow", "#!/bin/sh\nexec sleep 60\n")
+    monkeypatch.setenv("ADHESION_CAN_PYTHON", slow)
+    monkeypatch.setenv("ADHESION_CAN_TIMEOUT", "0.3")
+    with pytest.raises(Exception, match="instantiate"):
+        host.instantiate("controller")
+    assert f"'{slow}': the Python process does not answer in time" in host.said[-1]
+    assert "ADHESION_CAN_TIMEOUT" in host.said[-1]
+    assert "ADHESION_CAN_PYTHON" not in host.said[-1]
 
 
 @pytest.mark.parametrize("text", ["yes answer", "printf '\\0\\0\\0'; exec sleep 60"])

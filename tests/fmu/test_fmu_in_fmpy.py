@@ -48,6 +48,18 @@ def test_integers_are_valid_too(tmp_path, config):
     assert types == {"Real", "Integer"}
 
 
+@pytest.mark.usefixtures("quick_compiler")
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_is_valid_with_a_configuration_too(tmp_path, kind):
+    from fmpy.validation import validate_fmu
+
+    file, path = tmp_path / "mine.toml", tmp_path / f"{kind}.fmu"
+    file.write_text("[vehicle]\naxles = 4\n")
+    contents = FmuContents(kind, load_configuration(file), config_file=file)
+    export_fmu(contents, path, [library.own_platform()])
+    assert validate_fmu(str(path)) == []
+
+
 def test_the_service_gives_what_its_slave_gives_to_the_bit(host, config):
     slave = SLAVES["service"](config)
     drive = in_phase(config, 2.0)

@@ -93,6 +93,17 @@ def test_what_a_compiler_says_is_reported(monkeypatch, tmp_path, text):
         build_library("linux64")
 
 
+@pytest.mark.usefixtures("no_compiler")
+def test_a_compiler_that_takes_too_long(monkeypatch, tmp_path):
+    compiler = write_compiler(tmp_path / "cc", "exec sleep 60")
+    monkeypatch.setattr(library, "_own_compiler", lambda: compiler)
+    monkeypatch.setattr(library, "own_platform", lambda: "linux64")
+    monkeypatch.setattr(library, "LONGEST_S", 0.2)
+    with pytest.raises(InputError, match=r"not finished after 0.2 s; export again") as raised:
+        build_library("linux64")
+    assert compiler not in str(raised.value)
+
+
 def test_a_library_of_two_processors_has_both():
     first = struct.pack("<III", 0xFEEDFACF, 0x01000007, 3) + b"intel" * 1000
     second = struct.pack("<III", 0xFEEDFACF, 0x0100000C, 0) + b"arm" * 9000

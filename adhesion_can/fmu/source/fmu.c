@@ -75,7 +75,7 @@ static int receive(Instance *one, void *bytes, size_t size, double seconds, char
     return process_receive(&one->process, bytes, size, seconds, why);
 }
 
-/* Receive a text of so many bytes. 0, or -1 with the reason. */
+/* Receive a text of so many bytes. 0, or -1 or LATE with the reason. */
 static int receive_text(Instance *one, double length, double seconds, char *text, char *why) {
     if (!(length >= 0 && length < MOST_TEXT)) {
         snprintf(why, REASON, "the Python process does not speak as this FMU does");
@@ -122,14 +122,17 @@ static int start(Instance *one) {
     double hello[3], seconds = seconds_of("ADHESION_CAN_TIMEOUT", STARTING_S);
     const char *python = find_python(one, line);
     static const char *const advice =
-        "this FMU needs Python 3.11 or later with adhesion-can (pip install adhesion-can); set "
-        "the environment variable ADHESION_CAN_PYTHON to the interpreter that has it";
+        "this FMU needs Python 3.11 or later in which adhesion-can is installed; set the "
+        "environment variable ADHESION_CAN_PYTHON to the interpreter that has it";
     one->is_set_up = 0;
     if (process_start(&one->process, python, one->resources, why)) {
         report(one, fmi2Error, "%s; %s", why, advice);
         return -1;
     }
-    if (receive(one, hello, sizeof hello, seconds, why)) {
+    int failed = receive(one, hello, sizeof hello, seconds, why);
+    if (failed == LATE) {
+        report(one, fmi2Error, "'%s': %s", python, why);
+    } else if (failed) {
         report(one, fmi2Error, "%s ('%s'); %s", why, python, advice);
     } else if (hello[0] != PROTOCOL) {
         report(one, fmi2Error, "adhesion-can of '%s' speaks another protocol; export again with it",

@@ -20,11 +20,15 @@ typedef struct {
 #endif
 
 enum { REASON = 1024 }; /* room for the reason of a failure, bytes */
+enum { LATE = -2 };     /* the process did not answer in time, with this reason: */
+#define TOO_LATE                                                                               \
+    "the Python process does not answer in time: it was stopped, or the machine is overloaded; " \
+    "the environment variable ADHESION_CAN_TIMEOUT sets the limit in seconds"
 
 /* Start `python -P -m adhesion_can.fmu.child RESOURCES`. 0, or -1 with the reason. */
 int process_start(Process *process, const char *python, const char *resources, char *why);
 
-/* Send or receive all of some bytes within so many seconds. 0, or -1 with the reason. */
+/* Send or receive all of some bytes within so many seconds. 0, or -1 or LATE with the reason. */
 int process_send(Process *process, const void *bytes, size_t size, double seconds, char *why);
 int process_receive(Process *process, void *bytes, size_t size, double seconds, char *why);
 

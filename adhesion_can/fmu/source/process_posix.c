@@ -86,7 +86,7 @@ int process_start(Process *process, const char *python, const char *resources, c
     return 0;
 }
 
-/* Wait until the socket is ready for events. 0, or -1 with the reason. */
+/* Wait until the socket is ready for events. 0, or -1 or LATE with the reason. */
 static int wait_for(Process *process, short events, double until, char *why) {
     for (;;) {
         struct pollfd wanted = {process->socket, events, 0};
@@ -94,8 +94,8 @@ static int wait_for(Process *process, short events, double until, char *why) {
         int ready = poll(&wanted, 1, left > 0 ? (int)(1e3 * left) + 1 : 0);
         if (ready > 0) return 0;
         if (ready == 0 && left <= 0) {
-            snprintf(why, REASON, "the Python process does not answer in time");
-            return -1;
+            snprintf(why, REASON, "%s", TOO_LATE);
+            return LATE;
         }
         if (ready < 0 && errno != EINTR) {
             snprintf(why, REASON, "the Python process cannot be waited for: %s", strerror(errno));
@@ -126,7 +126,8 @@ int process_send(Process *process, const void *bytes, size_t size, double second
     const char *place = bytes;
     double until = now() + seconds;
     while (size) {
-        if (wait_for(process, POLLOUT, until, why)) return -1;
+        int failed = wait_for(process, POLLOUT, until, why);
+        if (failed) return failed;
         ssize_t sent = send(process->socket, place, size, MSG_NOSIGNAL | MSG_DONTWAIT);
         if (sent < 0 && errno != EAGAIN && errno != EINTR) {
             say_end(process, why);
@@ -147,7 +148,8 @@ int process_receive(Process *process, void *bytes, size_t size, double seconds, 
             return -1;
         }
         if (got > 0) place += got, size -= (size_t)got;
-        if (size && wait_for(process, POLLIN, until, why)) return -1;
+        int failed = size ? wait_for(process, POLLIN, until, why) : 0;
+        if (failed) return failed;
     }
     return 0;
 }

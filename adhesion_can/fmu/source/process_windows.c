@@ -101,8 +101,8 @@ int process_receive(Process *process, void *bytes, size_t size, double seconds, 
             continue;
         }
         if (GetTickCount64() > until) {
-            snprintf(why, REASON, "the Python process does not answer in time");
-            return -1;
+            snprintf(why, REASON, "%s", TOO_LATE);
+            return LATE;
         }
         if (looks < SPINS) SwitchToThread();
         else Sleep(1);
