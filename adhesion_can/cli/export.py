@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_model(
         parser,
         "the service removes its effects from the readings, the locomotive has them; the "
-        "controller uses none",
+        "controller takes none",
     )
     parser.add_argument(
         "--integers",
