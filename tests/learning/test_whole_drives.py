@@ -17,6 +17,7 @@ from adhesion_can.learning.confirmation import LearningState
 from adhesion_can.learning.learner import Learner, LearningSettings
 from adhesion_can.learning.record import ReadingRecord
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import ReadReport, read_candump
 from adhesion_can.recordings.python_can_messages import to_message
 from adhesion_can.service.core import ServiceCore
@@ -34,6 +35,10 @@ from tests.worlds.world import World
 CONFIG = load_configuration()
 FAULT_S, ERROR = 40.0, -0.01
 """Time at which the vehicle speed goes off, s, and its error from then on."""
+LONGEST_S = 1000.0
+"""Duration of a drive in which a model is applied and dropped, at the longest, s."""
+CORRECTED_S = 10.0
+"""Time for which the model corrects what is wrong before the sensor goes back, s."""
 DOUBT_S = 5.0
 """Time after which the service doubts the curve, s."""
 
@@ -51,19 +56,19 @@ def learn(log, folder, doubt, doubt_us=0):
     return reports
 
 
-def write_fault_in_the_middle(log, duration_s, seed=1, back_s=np.inf):
-    """A drive whose vehicle speed reads wrong from `FAULT_S` on until it is right again."""
+def write_fault_in_the_middle(log, duration_s, seed=1, fault_s=FAULT_S):
+    """A drive whose vehicle speed reads wrong from a time on."""
     world = World("null:0", seed, 0, duration_s)
     readings = drive(world.profile, world.vehicle, world.rail, (), world.noise)
     t_s = 0.02 * np.arange(len(readings.speed))
-    off = np.where((t_s >= FAULT_S) & (t_s < back_s), 1.0 + ERROR, 1.0)
+    off = np.where(t_s >= fault_s, 1.0 + ERROR, 1.0)
     write_log(replace(readings, speed=off * readings.speed), log)
 
 
 def frames_of(log):
-    """Frames of a log."""
-    items = read_candump(log.read_bytes().splitlines(), ReadReport())
-    return [item for item in items if isinstance(item, Frame)]
+    """Frames of a log, one after the other."""
+    with log.open("rb") as lines:
+        yield from (item for item in read_candump(lines, ReadReport()) if isinstance(item, Frame))
 
 
 @pytest.mark.slow
@@ -106,17 +111,30 @@ def test_a_sensor_that_goes_off_in_the_middle_in_simulated_time(tmp_path):
     assert proposed.causes[0].size == pytest.approx(ERROR, rel=0.05)
 
 
+def slow_configuration(folder):
+    """Configuration of a user whose setpoints come each 100 ms: a fifth of the updates."""
+    text = CONFIG.database.path.read_text()
+    for number in (0x201, 0x204):
+        cycle = f'BA_ "GenMsgCycleTime" BO_ {number} 20;'
+        assert cycle in text
+        text = text.replace(cycle, cycle.replace("20;", "100;"))
+    path = folder / "slow.dbc"
+    path.write_text(text)
+    return load_configuration(dbc=path)
+
+
 class CorrectedService:
     """A service with `--learn apply` in simulated time, its learner in the same process."""
 
-    def __init__(self, folder):
+    def __init__(self, config, folder):
         self.log, self.sent, self.taken, self.reports = [], [], [], []
         self.applied = AppliedModels(self.log.append)
-        self.core = CorrectingCore(CONFIG, on_model=self._note, on_setpoint=self._observe)
+        self.core = CorrectingCore(config, on_model=self._note, on_setpoint=self._observe)
         self.core.on_readings = self._add
         self.applied.attach(self.core)
-        self._learner = Learner(CONFIG, folder, self._hear)
+        self._learner = Learner(config, folder, self._hear)
         self._doubt, self._next_us = Doubt.NONE, 0
+        self.statuses = []
 
     def feed(self, frame):
         self.sent += self.core.feed(frame)
@@ -125,8 +143,9 @@ class CorrectedService:
             while self._learner.work():
                 pass
 
-    def _observe(self, _t_us, outputs):
+    def _observe(self, t_us, outputs):
         self._doubt = outputs.doubt
+        self.statuses.append((t_us / 1e6, outputs.status))
 
     def _add(self, readings):
         self._learner.add(readings, self._doubt)
@@ -141,23 +160,37 @@ class CorrectedService:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(3600)
 def test_a_sensor_goes_off_is_corrected_goes_back_and_the_model_is_dropped(tmp_path):
-    """In simulated time; the log with its changes of the model is replayed to the same bytes."""
-    path, back_s = tmp_path / "drive.log", 570.0
-    write_fault_in_the_middle(path, 840.0, back_s=back_s)
-    service = CorrectedService(tmp_path)
-    for frame in frames_of(path):
-        service.feed(frame)
+    """In simulated time; the log with its changes of the model is replayed to the same bytes.
+
+    The sensor goes back `CORRECTED_S` after the model has taken over, whenever that is.
+    """
+    off, right = tmp_path / "off.log", tmp_path / "right.log"
+    write_fault_in_the_middle(off, LONGEST_S)
+    write_fault_in_the_middle(right, LONGEST_S, fault_s=np.inf)
+    config = slow_configuration(tmp_path)
+    service, fed, back_s = CorrectedService(config, tmp_path), [], np.inf
+    for wrong, sound in zip(frames_of(off), frames_of(right), strict=True):
+        assert wrong.t_us == sound.t_us
+        fed.append(wrong if wrong.t_us < 1e6 * back_s else sound)
+        service.feed(fed[-1])
+        if service.taken and back_s == np.inf:
+            back_s = service.taken[0][0] + CORRECTED_S
+        if len(service.taken) == 2:
+            break
     (applied_s, effects), (dropped_s, plain) = service.taken
-    assert FAULT_S < applied_s < back_s < dropped_s
+    assert FAULT_S < applied_s <= FAULT_S + 600.0
     assert effects == ("speed_scale",)
+    assert back_s < dropped_s
     assert plain is None
     assert service.core.model is None
+    corrected = [status for t_s, status in service.statuses if applied_s < t_s < back_s]
+    assert Status.TRACKING in corrected
 
     changes = read_model_changes("".join(service.log).encode().splitlines(), "log")
-    again = CorrectingCore(CONFIG, changes)
-    assert [sent for frame in frames_of(path) for sent in again.feed(frame)] == service.sent
+    again = CorrectingCore(config, changes)
+    assert [sent for frame in fed for sent in again.feed(frame)] == service.sent
 
 
 @pytest.mark.slow
