@@ -55,6 +55,14 @@ def test_c11_is_kalkers_at_the_points_of_his_table():
     assert 4.12 < kalker_c11(1.0, 0.28) < 4.36
 
 
+def test_the_compliance_of_the_table_is_linear_in_poissons_ratio():
+    # The displacements under a shear traction are linear in it, and 1/c11 is one at a unit force.
+    ratios = np.array([*np.arange(1, 10) / 10, *(10 / np.arange(10, 0, -1))])
+    table = [[kalker_c11(ratio, poisson) for ratio in ratios] for poisson in (0.0, 0.25, 0.5)]
+    low, middle, high = 1 / np.array(table)
+    np.testing.assert_allclose(middle, 0.5 * (low + high), rtol=0.004)
+
+
 def test_stiffness_falls_with_the_cube_root_of_the_load():
     stiffness = initial_stiffness(np.array([1e5, 8e5, np.nan]), 0.625)
     assert stiffness[0] / stiffness[1] == pytest.approx(2.0)
