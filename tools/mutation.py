@@ -352,6 +352,7 @@ def main() -> int:
     parser.add_argument(
         "--processes", type=int, default=os.cpu_count(), help="how many mutants at a time"
     )
+    parser.add_argument("--drawn", type=int, metavar="N", help="N mutants of each package")
     options = parser.parse_args()
     for name in set(options.names) - {*modules, *packages}:
         parser.error(f"no module or package {name}; there are: {', '.join([*modules, *packages])}")
@@ -362,7 +363,8 @@ def main() -> int:
         if name in modules
     ]
     alone = [(module, list(module.changes)) for module in whole]
-    drawn = [Package(packages[name], settings) for name in chosen if name in packages]
+    fewer = {"drawn": options.drawn} if options.drawn else {}
+    drawn = [Package(packages[name] | fewer, settings) for name in chosen if name in packages]
     fates = Fates()
     if not options.print:
         copy_sources()
