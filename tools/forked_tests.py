@@ -37,8 +37,11 @@ QUICK_S = 0.3
 SLOWER = 5
 """A run is ended after so many times the processor time without a mutant, and `MORE_S`."""
 MORE_S = 10.0
-WAITING = 20
+WAITING = 50
 """A run that waits instead of computing is ended after so many times that limit."""
+LOOK_S = 0.01
+"""Time from one look at the runs to the next. Looks are counted, not time: a machine too busy for
+the runs has none for this process either, and both may be stopped."""
 
 
 def import_libraries() -> None:
@@ -112,7 +115,7 @@ class Replaced(SourceFileLoader):
 class _Fork(NamedTuple):
     name: str
     outcome: Path
-    until: float
+    last_look: int
 
 
 @dataclass
@@ -132,6 +135,7 @@ class ForkedTests:
     _order: Order = field(default_factory=Order, init=False)
     _cpu_limit_s: float = field(default=600.0, init=False)
     _forks: dict[int, _Fork] = field(default_factory=dict, init=False)
+    _looks: int = field(default=0, init=False)
 
     def run_unchanged(self) -> bool:
         """Whether the tests pass; how long they take limits and orders the later runs."""
@@ -175,14 +179,15 @@ class ForkedTests:
         # Of both processes the first to come here makes the group.
         with contextlib.suppress(PermissionError, ProcessLookupError):
             os.setpgid(number, number)
-        until = time.monotonic() + WAITING * self._cpu_limit_s
-        self._forks[number] = _Fork(name, outcome, until)
+        last = self._looks + int(WAITING * self._cpu_limit_s / LOOK_S)
+        self._forks[number] = _Fork(name, outcome, last)
 
     def _wait(self) -> Iterator[Run]:
         """Runs that have ended by now; those that wait for too long are ended."""
-        time.sleep(0.01)
+        time.sleep(LOOK_S)
+        self._looks += 1
         for number, fork in list(self._forks.items()):
-            if time.monotonic() > fork.until:
+            if self._looks > fork.last_look:
                 os.killpg(number, signal.SIGKILL)
             ended, status, usage = os.wait4(number, os.WNOHANG)
             if ended:

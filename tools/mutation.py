@@ -58,10 +58,16 @@ def digest(paths: Iterable[Path]) -> str:
 
 
 def untouched(tree: ast.Module) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Both ends, line and column, of what no test can judge: annotations and the stars of `def`."""
+    """Both ends, line and column, of what no test can judge.
+
+    Annotations, the stars of `def`, and whether a class has slots or `zip` checks the lengths.
+    """
     found = []
     for node in ast.walk(tree):
-        for part in (getattr(node, "annotation", None), getattr(node, "returns", None)):
+        parts = [getattr(node, "annotation", None), getattr(node, "returns", None)]
+        if isinstance(node, ast.keyword) and node.arg in {"slots", "strict"}:
+            parts.append(node.value)
+        for part in parts:
             if part is not None:
                 ends = (part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)
                 found.append(ends)
