@@ -1,50 +1,37 @@
-"""Mutants of the modules of tools/mutation.toml by Cosmic Ray, in a copy below build/mutation.
+"""Mutants of the modules of tools/mutation.toml, made by Cosmic Ray and judged in forks.
 
 All mutants of the modules under [tests] are judged. Of those of a package under [[package]] a
 number is drawn by the hash of what is changed: a change of one module draws no others elsewhere.
+Fates are lines of build/mutation/fates.jsonl, which count as long as the module and its tests are
+the same: lines from another machine may be added to them.
 """
 
 import argparse
 import ast
+import difflib
 import hashlib
+import json
+import os
 import re
-import shlex
 import shutil
 import signal
-import sqlite3
-import subprocess
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from cosmic_ray.config import serialize_config
-from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkItem, WorkResult
+import cosmic_ray.plugins
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from forked_tests import ForkedTests, import_libraries
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "mutation"
 COPY = BUILD / "copy"
-"""Cosmic Ray changes files where they lie: never those of the repository."""
-
-PYTEST = (
-    "env PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 python -m pytest -q -x --tb=no -p no:cacheprovider "
-    "-p pytest_timeout -p _hypothesis_pytestplugin --hypothesis-profile mutation"
-)
-"""Examples of hypothesis are the same in each run: what was killed once is killed again."""
-
-
-def test_command(tests: list[str]) -> str:
-    """Tests that judge a mutant, those first that need no examples: most mutants end there."""
-    plain, drawn = (
-        f"{PYTEST} -m 'not slow and {mark}' {' '.join(tests)}"
-        for mark in ("not hypothesis", "hypothesis")
-    )
-    # 5: no test of the kind.
-    return shlex.join(["sh", "-c", f"{{ {plain} || [ $? = 5 ]; }} && {{ {drawn} || [ $? = 5 ]; }}"])
+"""What is tested, while those of the repository may be edited."""
+FATES = BUILD / "fates.jsonl"
 
 
 class Mutant(NamedTuple):
@@ -56,17 +43,31 @@ class Mutant(NamedTuple):
     mutant: str
 
 
-def digest(paths: list[Path]) -> str:
-    """Hash of the contents of files."""
-    contents = (f"{path} {path.read_text()}" for path in sorted(paths))
+class Change(NamedTuple):
+    """Which of its changes an operator of Cosmic Ray makes, and in which line."""
+
+    operator: str
+    occurrence: int
+    line: int
+
+
+def digest(paths: Iterable[Path]) -> str:
+    """Hash of the names and contents of files of the repository."""
+    contents = (f"{path.relative_to(ROOT).as_posix()} {path.read_text()}" for path in sorted(paths))
     return hashlib.sha256("\n".join(contents).encode()).hexdigest()
 
 
-def untouched(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Both ends, line and column, of what no test can judge: annotations and the stars of `def`."""
+def untouched(tree: ast.Module) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Both ends, line and column, of what no test can judge.
+
+    Annotations, the stars of `def`, and whether a class has slots or `zip` checks the lengths.
+    """
     found = []
-    for node in ast.walk(ast.parse(source)):
-        for part in (getattr(node, "annotation", None), getattr(node, "returns", None)):
+    for node in ast.walk(tree):
+        parts = [getattr(node, "annotation", None), getattr(node, "returns", None)]
+        if isinstance(node, ast.keyword) and node.arg in {"slots", "strict"}:
+            parts.append(node.value)
+        for part in parts:
             if part is not None:
                 ends = (part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)
                 found.append(ends)
@@ -76,7 +77,7 @@ def untouched(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     return found
 
 
-def name_at(source: str, line: int) -> str:
+def name_at(tree: ast.Module, line: int) -> str:
     """Qualified name of the innermost function or class around a line; '' at the module's level."""
 
     def inner(body: list[ast.stmt], name: str) -> str:
@@ -87,161 +88,151 @@ def name_at(source: str, line: int) -> str:
                     return inner(node.body, f"{name}.{node.name}".lstrip("."))
         return name
 
-    return inner(ast.parse(source).body, "")
+    return inner(tree.body, "")
 
 
-class Session:
-    """Mutants of one module and their fates, kept below build/ as long as the code is the same.
+def changes_of(source: str, skipped: list[str]) -> list[Change]:
+    """Changes of a module that tests can judge, in the order of their places."""
+    places, left_out = untouched(ast.parse(source)), re.compile("|".join(skipped))
+    nodes = list(ast_nodes(get_ast(source)))
+    found = []
+    for name in cosmic_ray.plugins.operator_names():
+        kind = cosmic_ray.plugins.get_operator(name)
+        if kind.arguments() or left_out.match(name):
+            continue
+        operator = kind()
+        starts = (start for node in nodes for start, _ in operator.mutation_positions(node))
+        found += [
+            (start, name, occurrence)
+            for occurrence, start in enumerate(starts)
+            if not any(begin <= start < end for begin, end in places)
+        ]
+    return [Change(name, occurrence, start[0]) for start, name, occurrence in sorted(found)]
+
+
+class Module:
+    """A module, its mutants by their names, and the tests that judge them.
 
     Args:
-        module: Path of the module in the repository.
-        tests: Test files that judge its mutants.
+        path: Path in the repository.
+        tests: Test files.
         settings: Contents of tools/mutation.toml.
 
     """
 
-    def __init__(self, module: str, tests: list[str], settings: dict) -> None:
-        self.module = module
-        self.tests = tests
-        self._skipped = settings["skipped_operators"]
-        self._source = (ROOT / module).read_text()
-        self._places, self._operators = untouched(self._source), re.compile("|".join(self._skipped))
-        name = "-".join(Path(module).with_suffix("").parts[1:])
-        self._database = BUILD / f"{name}.sqlite"
-        self._config = self._database.with_suffix(".toml")
-        self._key = self._database.with_suffix(".key")
-        config = {
-            "module-path": module,
-            "timeout": float(settings["timeout_s"]),
-            "excluded-modules": [],
-            "test-command": test_command(self.tests),
-            "distributor": {"name": "local"},
+    def __init__(self, path: str, tests: list[str], settings: dict) -> None:
+        self.path, self.tests = path, tests
+        self.source = (ROOT / path).read_text()
+        self._tree = ast.parse(self.source)
+        self.changes = self._name(changes_of(self.source, settings["skipped_operators"]))
+        folders = {(ROOT / test).parent for test in tests} | {ROOT / "tests"}
+        beside = {one for folder in folders for one in folder.glob("*.py")}
+        helpers = {one for one in beside if not one.name.startswith("test_")}
+        self.hashes = {
+            "code": digest([ROOT / path]),
+            "by": digest(helpers | {ROOT / test for test in tests}),
         }
-        self._wanted = serialize_config(config)
 
-    def prepare(self, *, survivors_only: bool) -> None:
-        """Forget what was judged of other code or by other tests."""
-        key = self._hash_copy()
-        known = self._key.read_text().splitlines()[:2] if self._key.exists() else []
-        self._config.write_text(self._wanted)
-        if known != key:
-            if survivors_only and known[:1] == key[:1]:
-                self._forget_survivors()
-            else:
-                self._begin()
-            self._key.write_text("\n".join([*key, "baseline to be run"]))
-        elif survivors_only:
-            self._forget_survivors()
+    def make(self, name: str) -> str:
+        """Source of a mutant."""
+        change = self.changes[name]
+        operator = cosmic_ray.plugins.get_operator(change.operator)()
+        return mutate_code(self.source, operator, change.occurrence)
 
-    def draws(self, seed: int) -> dict[str, str]:
-        """Hash of each mutant's place and kind, by its job: the smallest ones are drawn."""
-        lines, seen, found = self._source.splitlines(), Counter(), {}
-        with use_db(self._database, WorkDB.Mode.open) as work:
-            items = [item for item in work.work_items if not self._is_left_out(item)]
-        for item in sorted(items, key=_place):
-            (mutation,) = item.mutations
-            where, line = mutation.start_pos[0], lines[mutation.start_pos[0] - 1].strip()
-            words = f"{seed} {self.module} {name_at(self._source, where)} {line}"
-            words += f" {mutation.operator_name} {mutation.operator_args}"
+    def describe(self, name: str) -> Mutant:
+        """What a mutant changes."""
+        diff = list(difflib.ndiff(self.source.splitlines(), self.make(name).splitlines()))
+        before, after = (
+            " ".join(line[2:].strip() for line in diff if line.startswith(sign)).strip()
+            for sign in ("- ", "+ ")
+        )
+        return Mutant(self.path, name_at(self._tree, self.changes[name].line), before, after)
+
+    def _name(self, changes: list[Change]) -> dict[str, Change]:
+        lines, seen, found = self.source.splitlines(), Counter(), {}
+        for change in changes:
+            where, line = name_at(self._tree, change.line), lines[change.line - 1].strip()
+            words = f"{self.path} {where} {line} {change.operator} {{}}"
             seen[words] += 1
-            found[item.job_id] = hashlib.sha256(f"{words} {seen[words]}".encode()).hexdigest()
+            found[f"{words} {seen[words]}"] = change
         return found
 
-    def keep(self, jobs: set[str]) -> None:
-        """Judge these mutants alone."""
-        with use_db(self._database, WorkDB.Mode.open) as work:
-            others = [one.job_id for one in work.pending_work_items if one.job_id not in jobs]
-            work.set_multiple_results(others, WorkResult(WorkerOutcome.SKIPPED))
-        # Cosmic Ray has no function that takes a result back.
-        with closing(sqlite3.connect(self._database)) as database, database:
-            for job in jobs:
-                database.execute(
-                    "DELETE FROM work_results WHERE job_id = ? AND worker_outcome = 'SKIPPED'",
-                    (job,),
-                )
 
-    def run(self) -> None:
-        """Judge the mutants that have no result yet."""
-        with use_db(self._database, WorkDB.Mode.open) as work:
-            pending = len(list(work.pending_work_items))
-        if pending:
-            self._check_baseline()
-            print(
-                f"mutation: {self.module}, {pending} mutants to judge", file=sys.stderr, flush=True
-            )
-            self._cosmic_ray("exec", self._config, self._database)
+Drawn = list[tuple[Module, list[str]]]
+"""Modules, and the names of mutants of each."""
 
-    def results(self) -> Iterator[tuple[Mutant, str]]:
-        """Each mutant that was judged, and its fate."""
-        if not self._database.exists():
+
+class Fates:
+    """Fates of mutants as far as they are known."""
+
+    def __init__(self) -> None:
+        lines = FATES.read_text().splitlines() if FATES.exists() else []
+        self._found = [json.loads(line) for line in lines]
+
+    def of(self, module: Module) -> dict[str, str]:
+        """Fate of each mutant of a module that was judged as it is, by its tests as they are."""
+        return {
+            one["name"]: one["fate"]
+            for one in self._found
+            if {word: one[word] for word in module.hashes} == module.hashes
+        }
+
+    def killed_before(self, module: Module) -> set[str]:
+        """Mutants of a module as it is that tests killed, as these were then."""
+        code = module.hashes["code"]
+        return {
+            one["name"]
+            for one in self._found
+            if one["code"] == code and one["fate"] == "killed" and one["name"] in module.changes
+        }
+
+    def add(self, module: Module, name: str, fate: str, **more: object) -> None:
+        """Keep a fate."""
+        record = {"name": name, "fate": fate, **more, **module.hashes}
+        with FATES.open("a") as file:
+            file.write(json.dumps(record) + "\n")
+        self._found.append(record)
+
+
+class Judge:
+    """Judges mutants that have no fate yet.
+
+    Args:
+        fates: Known fates.
+        processes: Number of processes.
+        survivors_only: Whether what survived or timed out is judged again, and what was killed is
+            not, though its tests be others now.
+
+    """
+
+    def __init__(self, fates: Fates, processes: int, *, survivors_only: bool) -> None:
+        self._fates, self._processes, self._survivors_only = fates, processes, survivors_only
+        self._runs: dict[tuple[str, ...], ForkedTests] = {}
+
+    def judge(self, module: Module, names: Iterable[str]) -> None:
+        """Judge some of the mutants of a module."""
+        known = self._fates.of(module)
+        if self._survivors_only:
+            known = {name: fate for name, fate in known.items() if fate == "killed"}
+            for name in (self._fates.killed_before(module) & set(names)) - set(known):
+                self._fates.add(module, name, "killed")
+                known[name] = "killed"
+        pending = [name for name in names if name not in known]
+        if not pending:
             return
-        with use_db(self._database, WorkDB.Mode.open) as work:
-            done = work.completed_work_items
-        for item, result in done:
-            if result.worker_outcome is WorkerOutcome.SKIPPED:
-                continue
-            if result.worker_outcome is not WorkerOutcome.NORMAL:
-                raise RuntimeError(f"{self.module}: {result.worker_outcome}: {result.output}")
-            if result.test_outcome is TestOutcome.SURVIVED:
-                fate = "survived"
-            else:
-                fate = "timed out" if result.output == "timeout" else "killed"
-            yield self._describe(item, result), fate
+        runs = self._tests(module)
+        print(f"mutation: {module.path}, {len(pending)} to judge", file=sys.stderr, flush=True)
+        for run in runs.run(module.path, ((name, module.make(name)) for name in pending)):
+            self._fates.add(module, run.name, run.fate, test=run.test, cpu_s=run.cpu_s)
 
-    def _hash_copy(self) -> list[str]:
-        """Hashes of package and settings, which make the mutants, and of the tests."""
-        code = digest([*(COPY / "adhesion_can").rglob("*.py"), *(COPY / "dbc").iterdir()])
-        settings = hashlib.sha256(repr((self._wanted, self._skipped)).encode()).hexdigest()
-        shared = [p for p in (COPY / "tests").glob("*.py") if not p.name.startswith("test_")]
-        folders = {(COPY / test).parent for test in self.tests}
-        beside = [path for folder in folders for path in folder.glob("*.py")]
-        return [code + settings, digest(shared + beside)]
-
-    def _check_baseline(self) -> None:
-        """Whether the tests pass without a mutant, once for a state of code and tests."""
-        key = self._key.read_text().splitlines()
-        if len(key) > 2:
-            self._cosmic_ray("baseline", self._config)
-            self._key.write_text("\n".join(key[:2]))
-
-    def _describe(self, item: WorkItem, result: WorkResult) -> Mutant:
-        lines = result.diff.splitlines()[3:]
-        before, after = (
-            " ".join(line[1:].strip() for line in lines if line.startswith(sign)).strip()
-            for sign in "-+"
-        )
-        where = name_at(self._source, item.mutations[0].start_pos[0])
-        return Mutant(self.module, where, before, after)
-
-    def _begin(self) -> None:
-        self._database.unlink(missing_ok=True)
-        self._cosmic_ray("init", self._config, self._database)
-        with use_db(self._database, WorkDB.Mode.open) as work:
-            left_out = [one.job_id for one in work.pending_work_items if self._is_left_out(one)]
-            work.set_multiple_results(left_out, WorkResult(WorkerOutcome.SKIPPED))
-
-    def _is_left_out(self, item: WorkItem) -> bool:
-        """Whether no test can judge a mutant, or its operator is skipped."""
-        (mutation,) = item.mutations
-        inside = any(begin <= mutation.start_pos < end for begin, end in self._places)
-        return inside or bool(self._operators.match(mutation.operator_name))
-
-    def _forget_survivors(self) -> None:
-        with closing(sqlite3.connect(self._database)) as database, database:
-            database.execute(
-                "DELETE FROM work_results WHERE test_outcome = 'SURVIVED' OR output = 'timeout'"
-            )
-
-    def _cosmic_ray(self, *arguments: str | Path) -> None:
-        done = subprocess.run(["cosmic-ray", *map(str, arguments)], cwd=COPY, check=False)
-        if done.returncode:
-            raise SystemExit(f"mutation: {self.module}: cosmic-ray {arguments[0]} failed")
-
-
-def _place(item: WorkItem) -> tuple[object, ...]:
-    """Order of mutants in a module."""
-    (mutation,) = item.mutations
-    return mutation.start_pos, mutation.operator_name, mutation.occurrence
+    def _tests(self, module: Module) -> ForkedTests:
+        """Tests of a module, which have passed without a mutant."""
+        key = tuple(module.tests)
+        if key not in self._runs:
+            self._runs[key] = ForkedTests(COPY, module.tests, self._processes)
+            if not self._runs[key].run_unchanged():
+                raise SystemExit(f"mutation: {module.path}: its tests fail without a mutant")
+        return self._runs[key]
 
 
 class Package:
@@ -255,30 +246,25 @@ class Package:
 
     def __init__(self, described: dict, settings: dict) -> None:
         self.name = described["folder"]
-        self._drawn, self._seed = described["drawn"], described["seed"]
         self.least_killed = described["least_killed"]
         own = described.get("tests_of", {})
         paths = sorted(
             path.relative_to(ROOT).as_posix()
             for path in (ROOT / self.name).glob(described.get("files", "*.py"))
         )
-        self.sessions = [
-            Session(path, own.get(Path(path).name, described["tests"]), settings)
+        modules = [
+            Module(path, own.get(Path(path).name, described["tests"]), settings)
             for path in paths
             if path not in settings["tests"] and Path(path).name != "__init__.py"
         ]
+        self.drawn = self._draw(modules, described["drawn"], described["seed"])
 
-    def run(self, *, survivors_only: bool) -> None:
-        """Judge the mutants that are drawn."""
-        draws = []
-        for session in self.sessions:
-            session.prepare(survivors_only=survivors_only)
-            draws += [(rank, session, job) for job, rank in session.draws(self._seed).items()]
-        chosen = sorted(draws, key=lambda one: one[0])[: self._drawn]
-        for session in self.sessions:
-            session.keep({job for _, owner, job in chosen if owner is session})
-        for session in self.sessions:
-            session.run()
+    def _draw(self, modules: list[Module], number: int, seed: int) -> Drawn:
+        """The mutants with the smallest hashes, by module."""
+        names = [name for module in modules for name in module.changes]
+        names.sort(key=lambda name: hashlib.sha256(f"{seed} {name}".encode()).hexdigest())
+        chosen = set(names[:number])
+        return [(one, [name for name in one.changes if name in chosen]) for one in modules]
 
 
 def copy_sources() -> None:
@@ -298,48 +284,61 @@ def known_survivors(settings: dict) -> dict[Mutant, str]:
     }
 
 
-def report(sessions: list[Session], known: dict[Mutant, str], *, by_module: bool = True) -> int:
-    """Print the table and the survivors; the number of survivors that are not known."""
-    fates = ("killed", "survived", "timed out")
-    survivors = []
-    if by_module:
-        print("| module | mutants | " + " | ".join(fates) + " |\n|---|---|---|---|---|")
-    for session in sessions:
-        results = list(session.results())
-        counts = Counter(fate for _, fate in results)
-        cells = [session.module, len(results), *(counts[fate] for fate in fates)]
-        if by_module:
-            print("| " + " | ".join(map(str, cells)) + " |")
-        survivors += [mutant for mutant, fate in results if fate == "survived"]
-        modules = {mutant for mutant in known if mutant.module == session.module}
-        for mutant in sorted(modules - set(survivors)):
-            print(f"no longer survives: {mutant}", file=sys.stderr)
-    unknown = 0
-    for mutant in survivors:
-        reason = known.get(mutant)
-        unknown += reason is None
+def find_survivors(
+    chosen: Drawn, fates: Fates, known: dict[Mutant, str]
+) -> Iterator[tuple[Mutant, str | None]]:
+    """Each mutant that survived, with the reason if it is known."""
+    for module, names in chosen:
+        found = fates.of(module)
+        alive = [module.describe(name) for name in names if found.get(name) == "survived"]
+        yield from ((mutant, known.get(mutant)) for mutant in alive)
+        if all(name in found for name in names):
+            for mutant in sorted({one for one in known if one.module == module.path} - set(alive)):
+                print(f"no longer survives: {mutant}", file=sys.stderr)
+
+
+def count_fates(chosen: Drawn, fates: Fates) -> Counter:
+    """How many mutants have each fate."""
+    known = ((fates.of(module), names) for module, names in chosen)
+    return Counter(found[name] for found, names in known for name in names if name in found)
+
+
+def print_survivors(survivors: list[tuple[Mutant, str | None]]) -> None:
+    for mutant, reason in survivors:
         print(f"\n{mutant.module}, {mutant.where or 'module'}: {reason or 'NOT KNOWN'}")
         print(f"  - {mutant.line}\n  + {mutant.mutant}")
-    return unknown
 
 
-def report_package(package: Package, known: dict[Mutant, str]) -> bool:
+def report_modules(chosen: Drawn, fates: Fates, known: dict[Mutant, str]) -> int:
+    """Print a table and the survivors; the number of survivors that are not known."""
+    kinds = ("killed", "survived", "timed out")
+    print("| module | mutants | " + " | ".join(kinds) + " |\n|---|---|---|---|---|")
+    for module, names in chosen:
+        counts = count_fates([(module, names)], fates)
+        cells = [module.path, counts.total(), *(counts[kind] for kind in kinds)]
+        print("| " + " | ".join(map(str, cells)) + " |")
+    survivors = list(find_survivors(chosen, fates, known))
+    print_survivors(survivors)
+    return sum(reason is None for _, reason in survivors)
+
+
+def report_package(package: Package, fates: Fates, known: dict[Mutant, str]) -> bool:
     """Print a package's share of killed mutants and its survivors; whether the share is too small.
 
     A mutant that survives for a known reason counts neither way: no test can or need notice it.
     """
-    results = [one for session in package.sessions for one in session.results()]
-    excused = [mutant for mutant, fate in results if fate == "survived" and mutant in known]
-    judged = len(results) - len(excused)
-    killed = sum(fate != "survived" for _, fate in results)
-    share = killed / judged if judged else 0.0
+    counts = count_fates(package.drawn, fates)
+    survivors = list(find_survivors(package.drawn, fates, known))
+    excused = sum(reason is not None for _, reason in survivors)
+    judged, alive = counts.total() - excused, len(survivors) - excused
+    share = (judged - alive) / judged if judged else 0.0
     met = "met" if share >= package.least_killed else "MISSED"
     print(
-        f"{package.name}: {len(results)} drawn, {killed} killed, {len(excused)} survive for a "
-        f"known reason, {judged - killed} for none: {share:.1%} killed (target "
+        f"{package.name}: {counts.total()} drawn, {judged - alive} killed, {excused} survive for a "
+        f"known reason, {alive} for none: {share:.1%} killed (target "
         f"{package.least_killed:.0%}: {met})"
     )
-    report(package.sessions, known, by_module=False)
+    print_survivors(survivors)
     return share < package.least_killed
 
 
@@ -356,26 +355,32 @@ def main() -> int:
         "--survivors", action="store_true", help="only what survived or timed out before"
     )
     parser.add_argument("--print", action="store_true", help="what there is, without a run")
+    parser.add_argument(
+        "--processes", type=int, default=os.cpu_count(), help="how many mutants at a time"
+    )
+    parser.add_argument("--drawn", type=int, metavar="N", help="N mutants of each package")
     options = parser.parse_args()
     for name in set(options.names) - {*modules, *packages}:
         parser.error(f"no module or package {name}; there are: {', '.join([*modules, *packages])}")
     chosen = options.names or [*modules, *packages]
-    sessions = [
-        Session(modules[name], settings["tests"][modules[name]], settings)
+    whole = [
+        Module(modules[name], settings["tests"][modules[name]], settings)
         for name in chosen
         if name in modules
     ]
-    drawn = [Package(packages[name], settings) for name in chosen if name in packages]
+    alone = [(module, list(module.changes)) for module in whole]
+    fewer = {"drawn": options.drawn} if options.drawn else {}
+    drawn = [Package(packages[name] | fewer, settings) for name in chosen if name in packages]
+    fates = Fates()
     if not options.print:
         copy_sources()
-        for session in sessions:
-            session.prepare(survivors_only=options.survivors)
-            session.run()
-        for package in drawn:
-            package.run(survivors_only=options.survivors)
+        import_libraries()
+        judge = Judge(fates, options.processes, survivors_only=options.survivors)
+        for module, names in (*alone, *(pair for package in drawn for pair in package.drawn)):
+            judge.judge(module, names)
     known = known_survivors(settings)
-    unknown = report(sessions, known) if sessions else 0
-    missed = [package.name for package in drawn if report_package(package, known)]
+    unknown = report_modules(alone, fates, known) if alone else 0
+    missed = [package.name for package in drawn if report_package(package, fates, known)]
     if unknown:
         print(f"\nmutation: {unknown} survivors are not known", file=sys.stderr)
     return int(unknown > 0 or bool(missed))

@@ -19,7 +19,9 @@ from adhesion_can.physics.burckhardt import (
     load_factor,
     peak,
     peak_gradient,
+    peak_of_one,
     slip_at,
+    slip_at_share,
 )
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=80)
@@ -159,6 +161,16 @@ def test_published_peaks_span_what_the_literature_says():
     ]
 
 
+def test_a_rail_surface_is_lower_than_that_of_a_tyre_and_peaks_at_less_slip():
+    tyre = {surface.name: surface for surface in PUBLISHED}
+    dry, wet, greasy = RAIL
+    for rail, road in ((dry, tyre["dry asphalt"]), (wet, tyre["wet asphalt"])):
+        assert rail.mu_max < 0.5 * road.mu_max
+        assert 0.03 < rail.lambda_m < 0.8 * road.lambda_m
+    assert greasy.mu_max < wet.mu_max < dry.mu_max
+    assert dry.lambda_m < wet.lambda_m < greasy.lambda_m
+
+
 def test_ice_without_fall_has_no_interior_peak():
     top = peak(0.05, 306.39, 0.0)
     assert not top.interior
@@ -238,6 +250,16 @@ def test_slip_at_is_the_smallest_slip_that_gives_the_adhesion(share, c1, c2, c3,
             lambda x: by_hand(x, c1, c2, c3) - wanted, 0.0, float(top.lambda_m), xtol=1e-15
         )
         assert lam == pytest.approx(root, rel=1e-6, abs=1e-12)
+
+
+@FIXED
+@given(st.floats(0.01, 0.999), LEVEL, STEEP, FALL | st.just(0.0), st.sampled_from([0.1, SLIP_MAX]))
+def test_for_numbers_peak_and_slip_are_those_for_arrays(share, c1, c2, c3, end):
+    top = peak(c1, c2, c3, end)
+    mu_max, lambda_m = float(top.mu_max), float(top.lambda_m)
+    assert peak_of_one(c1, c2, c3, end) == pytest.approx((mu_max, lambda_m), rel=1e-12)
+    slip = float(slip_at(share * mu_max, c1, c2, c3, end))
+    assert slip_at_share(share, c1, c2, c3, slip_max=end) == pytest.approx(slip, rel=1e-9)
 
 
 @FIXED

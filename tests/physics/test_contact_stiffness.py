@@ -29,6 +29,10 @@ def test_spheres_touch_in_the_circle_of_hertz():
     assert near.a == pytest.approx(radius, rel=1e-3)
 
 
+def test_a_cone_on_an_unworn_rail_makes_an_ellipse_longer_than_wide():
+    assert axis_ratio(0.625) == pytest.approx(1.6, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("wheel_radius", "profile_radius"), [(0.2, inf), (0.46, inf), (0.625, inf), (0.625, -0.35)]
 )
@@ -52,7 +56,17 @@ def test_c11_is_kalkers_at_the_points_of_his_table():
     assert kalker_c11(1.0, 0.5) == pytest.approx(5.20)
     assert kalker_c11(0.1, 0.0) == pytest.approx(2.51)
     assert kalker_c11(2.0, 0.25) == pytest.approx(5.10)  # b/a = 0.5
+    assert kalker_c11(10.0, 0.5) == kalker_c11(20.0, 0.5) == pytest.approx(12.9)
+    assert kalker_c11(0.1, 0.5) == kalker_c11(0.05, 0.5) == pytest.approx(4.85)
     assert 4.12 < kalker_c11(1.0, 0.28) < 4.36
+
+
+def test_the_compliance_of_the_table_is_linear_in_poissons_ratio():
+    # The displacements under a shear traction are linear in it, and 1/c11 is one at a unit force.
+    ratios = np.array([*np.arange(1, 10) / 10, *(10 / np.arange(10, 0, -1))])
+    table = [[kalker_c11(ratio, poisson) for ratio in ratios] for poisson in (0.0, 0.25, 0.5)]
+    low, middle, high = 1 / np.array(table)
+    np.testing.assert_allclose(middle, 0.5 * (low + high), rtol=0.004)
 
 
 def test_stiffness_falls_with_the_cube_root_of_the_load():
