@@ -174,11 +174,11 @@ class ObservedSpeedFilter:
         )
         if change.any():
             self._motion.open_slips(state, change)
-            self._motion.forget_curve(state, change.any(axis=1))
+            self._motion.forget_curve(state, np.asarray(change.any(axis=1)))
         used &= ~change
         H *= used[:, :, None]
         # A free axle shows the slips at this effort, and with those at another one the curve.
-        learns = axles.free.any(axis=1)
+        learns = np.asarray(axles.free.any(axis=1))
         state.update(H, np.where(used, innovation, 0.0), np.where(used, repeated, 1.0), learns)
         return change
 

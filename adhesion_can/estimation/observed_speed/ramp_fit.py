@@ -9,6 +9,7 @@ grid (variable projection; Golub and Pereyra 1973).
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 
@@ -26,8 +27,8 @@ SMOOTHED = 15
 """Samples over which the common effort is smoothed."""
 STRAIGHT = 0.4
 """Error of ln a by a curve that is no hyperbola, where it was seen up to an elasticity of 2."""
-WORST_FIT = 2.0
-"""Largest standard deviation of the residual over that of the effort's noise."""
+WORST_FIT, WORST_SHARE = 2.0, 0.25
+"""Largest residual over the noise of the effort, and over the adhesion held: by noise of wheels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,7 @@ def fit_ramps(samples: RampSamples, axle: int, noise: float) -> RampCurve | None
     if not np.isfinite(costs).any():
         return None
     white = max(noise**2, float(costs.min()) / max(int((~free).sum()) - 2, 1))
-    if white > (WORST_FIT * noise) ** 2:
+    if white > (WORST_FIT * noise) ** 2 + (WORST_SHARE * top) ** 2:
         return None
     return _posterior(costs / white / DEPENDENCE, halves)
 
@@ -111,8 +112,8 @@ def _residual(
     samples: RampSamples,
     apart: Array,
     level: Array,
-    free: Array,
-    held: Array,
+    free: NDArray[np.bool_],
+    held: NDArray[np.bool_],
     axle: int,
     steep: float,
 ) -> tuple[float, float] | None:

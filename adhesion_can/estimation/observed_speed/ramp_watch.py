@@ -70,7 +70,9 @@ class RampWatch:
         waiting = np.isfinite(self._since_s)
         begins = waiting & pulls & np.isnan(self._resumed_s)
         self._resumed_s = np.where(begins, now_s, self._resumed_s)
-        lost = change.any(axis=1, keepdims=True) | (waiting & ~free & (now_s - self._since_s > KEPT_S))
+        lost = change.any(axis=1, keepdims=True) | (
+            waiting & ~free & (now_s - self._since_s > KEPT_S)
+        )
         self._since_s = np.where(lost, np.nan, self._since_s)
         self._resumed_s = np.where(lost | ~waiting, np.nan, self._resumed_s)
         done = np.isfinite(self._since_s) & (now_s - self._resumed_s >= AFTER_S)

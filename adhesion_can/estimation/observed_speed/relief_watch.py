@@ -101,7 +101,7 @@ class ReliefWatch:
         self._changed = (self._changed & ~ended) | any_change
 
     def beyond(self, adhesion: Array) -> Array:
-        """Logarithm of the effort over the largest one at which an axle was relieved, at least 0."""
+        """Logarithm of the effort over the largest one of all reliefs, at least 0, (drives,)."""
         above = _log_level(adhesion) - self._highest
         return np.where(np.isfinite(above), np.maximum(above, 0.0), 0.0)
 

@@ -33,8 +33,8 @@ class ObservedSpeedSettings(Value):
         settling_s: Time for which an axle is left out after the surface changed under it, s.
         gate: Number of standard deviations by which an axle deviates from the others where the
             surface has changed under it.
-        half_slip: Slip a at which the curve's hyperbola μ = m λ/(a + λ) reaches half of m, 1, before
-            a ramp has shown it: 0.0016 to 0.004 for Polach's dry, greasy and wet rails.
+        half_slip: Slip a at which the curve's hyperbola μ = m λ/(a + λ) reaches half of m, 1,
+            before a ramp has shown it: 0.0016 to 0.004 for Polach's dry, greasy and wet rails.
         half_std: Standard deviation of its logarithm.
         ramp_std: The same for what a ramp shows, by the form of the curve alone.
         half_wander: Change of that logarithm along ln μ as a random walk, 1.
@@ -85,12 +85,12 @@ class ObservedSpeedSettings(Value):
     gate: Annotated[float, Within(1, 100)] = 5.0
     half_slip: Annotated[float, Positive] = 0.0027
     half_std: Annotated[float, Positive] = 0.5
-    ramp_std: Annotated[float, Positive] = 0.25
-    half_wander: Annotated[float, Positive] = 0.5
-    form_std: Annotated[float, Positive] = 0.3
+    ramp_std: Annotated[float, Positive] = 0.3
+    half_wander: Annotated[float, Positive] = 0.6
+    form_std: Annotated[float, Positive] = 0.5
     apart_std: Annotated[float, Positive] = 2.0
     beyond: Annotated[float, Positive] = 3.0
-    level_wander: Annotated[float, Positive] = 0.015
+    level_wander: Annotated[float, Positive] = 0.026
     axle_wander: Annotated[float, Positive] = 0.015
     free_compliance: Annotated[float, Positive] = 0.02
     free_compliance_std: Annotated[float, Positive] = 0.015
