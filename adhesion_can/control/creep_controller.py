@@ -8,17 +8,22 @@
 From SEARCH to HOLD: the service states λ_m with a small standard deviation and without doubt, and
 it agrees with what the search found. Back: it states it no longer, or excursions contradict it.
 So a setpoint that is wrong with confidence is never followed alone.
+
+Beside these, one axle after the other is relieved of its effort where the vehicle speed has to be
+seen by that (`reliefs.py`; off by default).
 """
 
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.control.creep_loop import CreepLoop
 from adhesion_can.control.excursions import Excursions
 from adhesion_can.control.gradient_search import PairedGradientSearch
 from adhesion_can.control.inputs import Advice, KnownCurve, Measurement
+from adhesion_can.control.reliefs import Reliefs, spread_effort
 from adhesion_can.control.settings import ControlSettings
 from adhesion_can.control.speed_filter import SpeedFilter
 from adhesion_can.control.swing_guard import SwingGuard
@@ -82,6 +87,7 @@ class CreepController:
         self._loop = CreepLoop(s.loop, mass)
         self._search = PairedGradientSearch(s.search, mass)
         self._excursions = Excursions(s.excursions, mass)
+        self._reliefs = Reliefs(s.reliefs, vehicle.axles)
         self._swing = SwingGuard(s.swing, s.loop.cycle_s)
         self._slow_slip, self._slow_top = 0.0, s.slow_slip
         self._rising = True
@@ -95,13 +101,38 @@ class CreepController:
         """Number of the axle on an excursion; None where none is."""
         return self._excursions.axle
 
+    @property
+    def relieved(self) -> int | None:
+        """Number of the axle that is relieved; None where none is."""
+        return self._reliefs.axle
+
     def step(self, measured: Measurement, advice: Advice) -> Array:
         """Efforts to demand, N, shape (axles,), as `EffortController.step` defines it."""
+        shares = self._reliefs.step(
+            measured.time_s,
+            self._loop.effort,
+            asked=advice.relief_wanted,
+            changing=advice.status is Status.SURFACE_CHANGE,
+            allowed=self._may_relieve,
+        )
+        effort = self._pull(measured, advice, shares < 1.0)
+        # Axles that hold the peak's slip have nothing to take over.
+        return effort if np.all(shares == 1.0) else spread_effort(effort, shares, effort)
+
+    @property
+    def _may_relieve(self) -> bool:
+        """Whether the axles pull at slips of their own, and none is on an excursion."""
+        return self.mode in (Mode.SEARCH, Mode.HOLD) and not self._rising and self.excursion is None
+
+    def _pull(self, measured: Measurement, advice: Advice, relieved: NDArray[np.bool_]) -> Array:
+        """Efforts without reliefs; that of a relieved axle is kept for its return."""
         speed = self._speed.step(measured)
         if speed is None:
             self._begin_slow(Mode.WAITING)
             return self._loop.release()
         creep = measured.rim_speed - speed
+        # A relieved axle is controlled as if it kept its slip, so that it finds its effort again.
+        creep = np.where(relieved, self.slip * speed, creep)
         if speed < self._settings.slow_speed:
             return self._pull_slowly(speed, creep)
         slip = creep / speed
@@ -114,9 +145,11 @@ class CreepController:
             held = curve.slips(self._settings.target_share, self._axles)
             held = held * (1.0 - self._settings.caution * curve.std)
             known = advice.status is Status.TRACKING
-            self.slip = self._excursions.step(
-                measured, slip, held, curve.lambda_m, curve=curve, known=known
-            )
+            self.slip = held
+            if self.relieved is None:
+                self.slip = self._excursions.step(
+                    measured, slip, held, curve.lambda_m, curve=curve, known=known
+                )
             return self._loop.step(self.slip * speed, creep, curve.elasticity(self.slip))
         if self._rising:
             self.slip = self._rise(measured.time_s)
@@ -142,6 +175,8 @@ class CreepController:
 
         So the service learns the curve and can state its peak.
         """
+        if self.relieved is not None:
+            return self._search.step(measured, slip, busy_axle=self.relieved)
         busy = self._excursions.axle
         wanted = self._search.step(measured, slip, busy_axle=busy)
         if busy is None and not self._search.is_near:

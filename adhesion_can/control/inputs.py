@@ -53,6 +53,7 @@ class Advice:
         theta: Curve parameters (c1, c2, c3).
         axles: Slip ratio of the peak by axle number.
         objection: What the readings cannot be.
+        relief_wanted: Whether the filter of the speed needs an axle to be relieved now.
 
     """
 
@@ -63,6 +64,7 @@ class Advice:
     theta: CurveParameters | None = None
     axles: Mapping[int, float] = field(default_factory=dict)
     objection: Objection = Objection.NONE
+    relief_wanted: bool = False
 
     def trusted_curve(self, largest_std: float) -> "KnownCurve | None":
         """Curve of the surface, where the service states it and nothing speaks against it.

@@ -87,6 +87,30 @@ class ExcursionSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class ReliefSettings:
+    """Reliefs that show the vehicle speed where no radar does.
+
+    Attributes:
+        enabled: Whether axles are relieved.
+        period_s: Time from the end of a relief to the next one, s; each axle has its turn.
+        free_s: Time without effort, s; the filter of the speed needs 0.5.
+        ramp_s: Time in which the effort is given up, and taken back, s. Below 0.4: the filter takes
+            what lasts longer for another effort. 120 kN within 0.35 s are 340 kN/s.
+        pause_s: Least time between two reliefs, s, whatever asks for them.
+        change_wait_s: Time after a change of the surface until the next relief, s: the change has
+            to pass under all axles.
+
+    """
+
+    enabled: bool = False
+    period_s: float = 20.0
+    free_s: float = 0.7
+    ramp_s: float = 0.35
+    pause_s: float = 3.0
+    change_wait_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class SwingSettings:
     """What is done where the creep speeds swing about their setpoints.
 
@@ -139,6 +163,7 @@ class ControlSettings:
         loop: Creep speed control of an axle.
         search: Search of the peak.
         excursions: Excursions while the service's slip is held.
+        reliefs: Reliefs of one axle at a time, off by default.
         swing: Reaction to creep speeds that swing.
 
     """
@@ -157,4 +182,5 @@ class ControlSettings:
     loop: LoopSettings = field(default_factory=LoopSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     excursions: ExcursionSettings = field(default_factory=ExcursionSettings)
+    reliefs: ReliefSettings = field(default_factory=ReliefSettings)
     swing: SwingSettings = field(default_factory=SwingSettings)

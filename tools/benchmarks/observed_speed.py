@@ -78,10 +78,10 @@ def judge(report, way, record, reference):
 
 
 def measure(report, options):
-    first = 1 if options.seeds == "odd" else 2
+    first = options.after + 1 + ((options.after % 2 == 0) != (options.seeds == "odd"))
     seeds = range(first, first + 2 * options.drives, 2)
     report.write(
-        f"{options.drives} {options.seeds} seeds at each of {len(SPEEDS)} speeds, "
+        f"{options.drives} {options.seeds} seeds from {first} on at each of {len(SPEEDS)} speeds, "
         f"{options.duration:g} s; error, coverage and share of all axles that pull"
     )
     references = {}
@@ -104,6 +104,7 @@ def parse_options(arguments=None):
     parser = argparse.ArgumentParser(prog="tools/bench observed-speed", description=__doc__)
     add, count = parser.add_argument, positive(int)
     add("--seeds", choices=("odd", "even"), default="odd", help="which half (default odd)")
+    add("--after", type=int, default=0, metavar="N", help="seeds above N (default 0)")
     add("--drives", type=count, default=10, metavar="N", help="drives a speed (default 10)")
     add("--duration", type=positive(float), default=120.0, metavar="S", help="s (default 120)")
     add("--only", type=_ways, default=list(WAYS), metavar="WAY,..", help="ways (default all)")

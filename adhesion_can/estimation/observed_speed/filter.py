@@ -8,9 +8,10 @@ where ρ_i is the logarithm of true over nominal radius. An axle whose effort is
 λ_i ≈ 0 and gives ln v − ρ_i; one that pulls keeps its slip and carries the speed from one relief to
 the next. The state is
 
-    ln v, disturbance acceleration d, elasticity p = d ln λ/d ln μ, ln(1 + λ_i), ρ_i,
+    ln v, disturbance acceleration d, ln a of the curve, ln(1 + λ_i), ρ_i,
 
-with dv/dt = ΣF/M + d, and dλ_i = p λ_i d ln μ_i along the curve. A change of the surface passes
+with dv/dt = ΣF/M + d, and slips that follow the efforts along the hyperbola of `hyperbola.py`,
+whose a the ramps of each relief show. A change of the surface passes
 under the axles one after the other, so that differences between axles show it, which no gradient
 and no coupler can move: an axle that deviates from all others by more than `gate` standard
 deviations is on another surface, and its slip is open again.
@@ -25,16 +26,19 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts, EffortWatch
 from adhesion_can.estimation.observed_speed.gaussian_state import GaussianState
+from adhesion_can.estimation.observed_speed.hyperbola import elasticity
 from adhesion_can.estimation.observed_speed.layout import (
     DISTURBANCE,
-    ELASTICITY,
     FIRST_SLIP,
+    LOG_HALF,
     LOWEST_SPEED,
     REPEATED_BLOCKS,
     SPEED,
     SpeedStateLayout,
 )
 from adhesion_can.estimation.observed_speed.motion import Motion
+from adhesion_can.estimation.observed_speed.ramp_fit import fit_ramps
+from adhesion_can.estimation.observed_speed.ramp_watch import RampWatch
 from adhesion_can.estimation.observed_speed.relief_watch import ReliefWatch
 from adhesion_can.estimation.observed_speed.result import ObservedSpeed
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
@@ -63,6 +67,7 @@ class ObservedSpeedFilter:
         geometry = locomotive.geometry
         length = float(geometry.axle_places[-1]) if geometry else 0.0
         self._reliefs = ReliefWatch(drives, self.axles, length, self.settings)
+        self._ramps = RampWatch(drives, self.axles, self.settings.relief_s)
         self.state: GaussianState | None = None
         """State after the last block; None before the first one."""
         self.result: ObservedSpeed | None = None
@@ -99,6 +104,7 @@ class ObservedSpeedFilter:
 
         """
         self._sum += np.stack([self._radius * wheel_speed, effort, load])
+        self._ramps.add(dt, self._radius * wheel_speed, effort / load)
         self._count += 1
         if gnss is not None:
             self._gnss = np.where(np.isfinite(gnss), gnss, self._gnss)
@@ -126,6 +132,7 @@ class ObservedSpeedFilter:
             self.state = self._motion.first_state(rim)
         state = self.state
         self._motion.predict(state, axles, force.sum(axis=1), dt)
+        self._motion.go_beyond(state, self._reliefs.beyond(axles.mean))
         change = self._measure_wheels(state, axles, np.log(rim), samples, dt)
         self._measure_gnss(state)
         self._measure_acceleration(state, dt)
@@ -133,6 +140,7 @@ class ObservedSpeedFilter:
         self._reliefs.update(
             self._efforts.free_s, axles.free, axles.pulls, change, axles.mean, speed, dt
         )
+        self._see_ramps(state, axles, change)
         self._share_curve(state, axles)
         self.result = self._stated(state, axles, np.log(rim), samples)
 
@@ -166,9 +174,12 @@ class ObservedSpeedFilter:
         )
         if change.any():
             self._motion.open_slips(state, change)
+            self._motion.forget_curve(state, np.asarray(change.any(axis=1)))
         used &= ~change
         H *= used[:, :, None]
-        state.update(H, np.where(used, innovation, 0.0), np.where(used, repeated, 1.0))
+        # A free axle shows the slips at this effort, and with those at another one the curve.
+        learns = np.asarray(axles.free.any(axis=1))
+        state.update(H, np.where(used, innovation, 0.0), np.where(used, repeated, 1.0), learns)
         return change
 
     def _measure_gnss(self, state: GaussianState) -> None:
@@ -196,6 +207,21 @@ class ObservedSpeedFilter:
             state.update(H, error[:, None], R[:, None])
         self._acceleration = np.zeros((2, self.drives))
 
+    def _see_ramps(
+        self, state: GaussianState, axles: AxleEfforts, change: NDArray[np.bool_]
+    ) -> None:
+        """Learn the curve from the reliefs that have ended with this block."""
+        s = self.settings
+        ended = self._ramps.update(
+            self._efforts.free_s, axles.free, axles.pulls, change, axles.mean,
+            state.mean[:, self._layout.slips],
+        )  # fmt: skip
+        for drive, axle, samples in ended:
+            curve = fit_ramps(samples, axle, s.effort_std)
+            if curve is not None:
+                variance = curve.variance + s.ramp_std**2
+                self._motion.see_curve(state, drive, curve.log_half, variance)
+
     def _share_curve(self, state: GaussianState, axles: AxleEfforts) -> None:
         """Once after the first relief: all axles share one curve, but for their levels.
 
@@ -208,25 +234,25 @@ class ObservedSpeedFilter:
         self._alike |= now
         x = state.mean
         reference = axles.mean
-        p = x[:, ELASTICITY]
+        p = elasticity(x[:, layout.slips], x[:, LOG_HALF, None])
         pulled = np.isfinite(reference) & now[:, None]
         size = np.where(pulled, np.abs(reference), 1.0)
         count = np.maximum(pulled.sum(axis=1), 1)
         mean = np.exp((np.log(size) * pulled).sum(axis=1) / count)
-        scale = np.where(pulled, (mean[:, None] / size) ** p[:, None], 0.0)
+        scale = np.where(pulled, (mean[:, None] / size) ** p, 0.0)
         part = scale[:, None, :] * np.eye(self.axles)
         part -= pulled[:, :, None] * scale[:, None, :] / count[:, None, None]
         H = np.zeros((self.drives, self.axles, x.shape[1]))
         H[:, :, layout.slips] = part
         slip = np.abs((x[:, layout.slips] * scale).sum(axis=1) / count)
-        steep = p + np.sqrt(state.covariance[:, ELASTICITY, ELASTICITY])
         # The common slip may be larger than it seems by now.
         P = state.covariance[:, layout.slips, layout.slips]
         slip = slip + np.sqrt(np.mean(np.diagonal(P, axis1=1, axis2=2), axis=1))
         # An axle with a larger slip than the others is nearer to its peak, on a steeper curve.
         own = np.abs(x[:, layout.slips]) / np.maximum(slip, 1e-4)[:, None]
         own = np.maximum(own, 1.0) ** 2
-        R = (s.level_std * (steep * slip)[:, None] * own + 1e-4) ** 2
+        steep = self._motion.steepness(state, slip[:, None])
+        R = (s.level_std * steep * slip[:, None] * own + 1e-4) ** 2
         error = -(H @ x[:, :, None])[:, :, 0]
         noise = np.where(pulled, R, 1.0)
         state.update(H, np.where(pulled, error, 0.0), noise)

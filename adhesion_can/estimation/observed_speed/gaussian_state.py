@@ -4,6 +4,7 @@ The update uses Joseph's form, which keeps the covariance positive under roundin
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 
@@ -15,7 +16,7 @@ class GaussianState:
     """Means (drives, n) and covariances (drives, n, n).
 
     One state is only considered (Schmidt 1966): its uncertainty counts, and no measurement changes
-    it.
+    it but in drives that are to learn it.
     """
 
     def __init__(self, mean: Array, covariance: Array, considered: int) -> None:
@@ -36,13 +37,16 @@ class GaussianState:
         self.covariance[:, part, :] *= factor[:, :, None]
         self.covariance[:, :, part] *= factor[:, None, :]
 
-    def update(self, H: Array, innovation: Array, R: Array) -> None:
+    def update(
+        self, H: Array, innovation: Array, R: Array, learns: NDArray[np.bool_] | bool = False
+    ) -> None:
         """Take measurements in.
 
         Args:
             H: Jacobian, shape (drives, m, n).
             innovation: Measurements less their predictions, shape (drives, m).
             R: Variances of the measurements, shape (drives, m), or covariances, (drives, m, m).
+            learns: Whether a drive's considered state is changed too, shape (drives,).
 
         """
         noise = R if R.ndim == 3 else R[:, :, None] * np.eye(R.shape[1])
@@ -50,7 +54,7 @@ class GaussianState:
         PH = P @ H.transpose(0, 2, 1)
         S = H @ PH + noise
         gain = np.linalg.solve(S, PH.transpose(0, 2, 1)).transpose(0, 2, 1)
-        gain[:, self._considered, :] = 0.0
+        gain[:, self._considered, :] *= np.reshape(learns, (-1, 1))
         self.mean = self.mean + (gain @ innovation[:, :, None])[:, :, 0]
         rest = np.eye(P.shape[1]) - gain @ H
         P = rest @ P @ rest.transpose(0, 2, 1) + gain @ noise @ gain.transpose(0, 2, 1)

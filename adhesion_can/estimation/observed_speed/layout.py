@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-SPEED, DISTURBANCE, ELASTICITY, FIRST_SLIP = 0, 1, 2, 3
-"""Places of ln v, of the disturbance acceleration (m/s²), of d ln λ/d ln μ, and of the slips."""
+SPEED, DISTURBANCE, LOG_HALF, FIRST_SLIP = 0, 1, 2, 3
+"""Places of ln v, of the disturbance acceleration (m/s²), of the curve's ln a, and of the slips."""
 LOWEST_SPEED = 1.0
 """Speed below which no slip ratio is formed, m/s."""
 REPEATED_BLOCKS = 20.0

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts
 from adhesion_can.estimation.observed_speed.gaussian_state import GaussianState
+from adhesion_can.estimation.observed_speed.hyperbola import elasticity, move
 from adhesion_can.estimation.observed_speed.layout import (
     DISTURBANCE,
-    ELASTICITY,
+    LOG_HALF,
     LOWEST_SPEED,
-    REPEATED_BLOCKS,
     SPEED,
     SpeedStateLayout,
 )
@@ -27,8 +27,10 @@ TIME_SPEED = 10.0
 """Speed at which slips change as much in time as along the rail, m/s."""
 MASS_S = 5.0
 """Time in which the disturbance acceleration follows what a wrong mass makes of a new force, s."""
-LARGE_CHANGE = 0.1
-"""Change of ln μ in a block that no noise makes, 1."""
+LARGE_CHANGE = 0.05
+"""Change of ln μ that no noise makes, 1."""
+LARGEST_FACTOR = 2.0
+"""Largest factor of the slips' standard deviation in a step along the curve, 1."""
 
 
 class Motion:
@@ -52,21 +54,25 @@ class Motion:
         self._surge = np.zeros(drives)
         self._waves = np.zeros(drives)
         self._excitement = np.zeros((drives, locomotive.axles))
+        self._pending = np.zeros((drives, locomotive.axles))
+        self._beyond = np.zeros(drives)
+        self.log_half = float(np.log(settings.half_slip))
+        """ln a before a ramp has shown it."""
 
     def first_state(self, rim: Array) -> GaussianState:
         """State before any measurement, at rim speeds (m/s, shape (drives, axles))."""
         s, layout, drives = self._settings, self._layout, len(rim)
         mean = np.zeros((drives, layout.size))
         mean[:, SPEED] = np.log(np.median(rim, axis=1))
-        mean[:, ELASTICITY] = s.elasticity
+        mean[:, LOG_HALF] = self.log_half
         P = np.zeros((drives, layout.size, layout.size))
         P[:, SPEED, SPEED] = 0.05**2
         P[:, DISTURBANCE, DISTURBANCE] = s.acceleration_std**2
-        P[:, ELASTICITY, ELASTICITY] = s.elasticity_std**2
+        P[:, LOG_HALF, LOG_HALF] = s.half_std**2
         eye = np.eye(layout.axles)
         P[:, layout.slips, layout.slips] = s.axle_slip_std**2 * eye
         P[:, layout.radii, layout.radii] = s.radius_std**2 * eye
-        return GaussianState(mean, P, considered=ELASTICITY)
+        return GaussianState(mean, P, considered=LOG_HALF)
 
     def predict(self, state: GaussianState, axles: AxleEfforts, force: Array, dt: float) -> None:
         """Let a block of `dt` seconds pass under a force of all axles, N, shape (drives,)."""
@@ -85,10 +91,9 @@ class Motion:
         # The level of the rail wanders for all axles, and for each of them: along the rail, and in
         # time by effort, speed and weather.
         way = np.sqrt((speed + TIME_SPEED) * dt / 100.0)
-        steep = x[:, ELASTICITY] + np.sqrt(P[:, ELASTICITY, ELASTICITY])
         std = np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, layout.slips])
         size = np.hypot(x[:, layout.slips], np.minimum(std, 0.005))
-        size = size * np.maximum(steep, 1.0)[:, None] * way[:, None]
+        size = size * self.steepness(state, size) * way[:, None]
         self._excitement *= np.exp(-dt / CALM_S)
         excited = s.excited_wander * np.sqrt(dt) * self._excitement
         eye = np.eye(layout.axles)
@@ -131,33 +136,79 @@ class Motion:
         wrong = s.mass_std * (force - self._mean_force) / self.mass
         return np.asarray(swing + (self._waves**2 * WAVE_S + wrong**2 * MASS_S) * dt)
 
+    def steepness(self, state: GaussianState, slip: Array) -> Array:
+        """Elasticity at slips, 1, by a curve that bends as much as it may, (drives, axles)."""
+        std = np.sqrt(state.covariance[:, LOG_HALF, LOG_HALF])
+        return elasticity(slip, (state.mean[:, LOG_HALF] - std)[:, None])
+
     def _move_along_curve(self, state: GaussianState, axles: AxleEfforts) -> None:
-        """Slips follow efforts, dλ = p λ d ln μ; the elasticity p differs further on."""
+        """Slips follow efforts along the curve.
+
+        The covariance follows in steps that no noise makes. Were it scaled with each small change,
+        wheels that do not follow would pull the slips to zero (errors in variables).
+        """
         s, slips = self._settings, self._layout.slips
         x, P = state.mean, state.covariance
-        ratio = np.log(np.clip(np.abs(axles.ratio), 1e-3, 1e3))
-        factor = np.exp(np.maximum(x[:, ELASTICITY, None], 0.5) * ratio)
-        factor = np.clip(factor, 0.05, 20.0) * np.where(axles.ratio < 0, -1.0, 1.0)
-        slip = x[:, slips] * factor
-        x[:, slips] = slip
-        # A small change may be noise of the effort. Were the covariance scaled with it, wheels that
-        # do not follow would pull the slip to zero (errors in variables).
-        large = np.abs(ratio) > LARGE_CHANGE
-        variance = np.diagonal(P, axis1=1, axis2=2)[:, slips]
-        noise = np.where(large, 0.0, variance * (factor - 1.0) ** 2)
+        ratio = np.clip(np.abs(axles.ratio), 1e-3, 1e3)
+        turned = np.where(axles.ratio < 0, -1.0, 1.0)
+        half = x[:, LOG_HALF, None]
+        x[:, slips] = move(x[:, slips], half, ratio).slip * turned
+        self._pending = self._pending + np.log(ratio)
+        P[:, slips, slips] *= turned[:, :, None] * turned[:, None, :]
+        way = np.median(self._pending, axis=1, keepdims=True)
+        own = self._pending - way
+        way = np.where(np.abs(way) > LARGE_CHANGE, way, 0.0)
+        own = np.where(np.abs(own) > LARGE_CHANGE, own, 0.0)
+        self._pending = self._pending - way - own
+        if not (way.any() or own.any()):
+            return
+        n = self._layout.axles
+        apart = np.abs(move(x[:, slips], half, np.exp(own)).slip - x[:, slips])
+        apart = np.minimum(apart, s.initial_slip)
+        P[:, slips, slips] += apart[:, :, None] ** 2 * np.eye(n)
         # A slip that was estimated as too small would make its own change look certain.
-        least = s.free_compliance * np.abs(axles.mean)
-        size = np.maximum(np.abs(slip), np.where(np.isfinite(least), least, 0.0))
-        state.scale(slips, np.where(large, factor, 1.0))
-        state.add_row(slips, ELASTICITY, np.copysign(size, slip) * ratio)
-        # The axles are at different places of the curve, and stay there for many blocks.
-        noise += REPEATED_BLOCKS * (s.elasticity_std * size * ratio) ** 2
-        P[:, slips, slips] += noise[:, :, None] * np.eye(self._layout.axles)
-        # An Ornstein-Uhlenbeck process in ln μ.
-        keep = np.exp(-np.median(np.abs(ratio), axis=1))
-        x[:, ELASTICITY] = s.elasticity + keep * (x[:, ELASTICITY] - s.elasticity)
-        state.scale(slice(ELASTICITY, ELASTICITY + 1), keep[:, None])
-        P[:, ELASTICITY, ELASTICITY] += (1.0 - keep**2) * s.elasticity_std**2
+        least = s.free_compliance * np.abs(axles.mean) * np.exp(-way)
+        least = np.where(np.isfinite(least), least, 0.0)
+        before = np.abs(move(x[:, slips], half, np.exp(-way)).slip)
+        moved = move(np.maximum(before, least), half, np.exp(way))
+        # All axles alike: were each moved by its own elasticity, differences between wheels would
+        # seem to show the curve, of which the axles are not at the places that the model has.
+        factor = np.minimum(moved.by_slip.mean(axis=1, keepdims=True), LARGEST_FACTOR)
+        state.scale(slips, np.repeat(factor, n, axis=1))
+        shown = np.sign(x[:, slips]) * moved.by_log_half.mean(axis=1, keepdims=True)
+        state.add_row(slips, LOG_HALF, shown)
+        change = (moved.slip - np.maximum(before, least)).mean(axis=1)[:, None, None]
+        change = np.clip(change, -s.initial_slip, s.initial_slip)
+        spread = s.form_std**2 + s.apart_std**2 * (np.eye(n) - 1.0 / n)
+        P[:, slips, slips] += change**2 * spread
+        way = way[:, 0]
+        # No slip is less known than after a change of the surface.
+        std = np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, slips])
+        state.scale(slips, np.minimum(1.0, s.jump_std / np.maximum(std, 1e-9)))
+        P[:, LOG_HALF, LOG_HALF] += s.half_wander**2 * np.abs(way)
+
+    def go_beyond(self, state: GaussianState, beyond: Array) -> None:
+        """Efforts are by `beyond` (ln μ, shape (drives,)) above what any relief has shown."""
+        s, slips = self._settings, self._layout.slips
+        more = np.maximum(beyond**2 - self._beyond**2, 0.0)
+        self._beyond = np.where(beyond > 0, np.maximum(self._beyond, beyond), 0.0)
+        if (more > 0).any():
+            size = np.mean(np.abs(state.mean[:, slips]), axis=1) ** 2 * s.beyond**2 * more
+            state.covariance[:, slips, slips] += size[:, None, None]
+
+    def see_curve(self, state: GaussianState, drive: int, log_half: float, variance: float) -> None:
+        """A ramp of a drive has shown ln a, with a variance."""
+        H = np.zeros((len(state.mean), 1, self._layout.size))
+        H[drive, 0, LOG_HALF] = 1.0
+        error = np.zeros((len(state.mean), 1))
+        error[drive] = log_half - state.mean[drive, LOG_HALF]
+        state.update(H, error, np.where(error == 0.0, 1.0, variance), learns=True)
+
+    def forget_curve(self, state: GaussianState, which: NDArray[np.bool_]) -> None:
+        """Drives `which` are on another surface: no ramp has shown its curve."""
+        state.mean[:, LOG_HALF] = np.where(which, self.log_half, state.mean[:, LOG_HALF])
+        state.scale(slice(LOG_HALF, LOG_HALF + 1), (~which[:, None]).astype(np.float64))
+        state.covariance[:, LOG_HALF, LOG_HALF] += which * self._settings.half_std**2
 
     def _start(self, state: GaussianState, axles: AxleEfforts) -> None:
         """Axles pull for the first time: their slips are those of an unknown curve."""

@@ -14,6 +14,8 @@ LONGEST_WAIT_S = 2.0
 """Time after a change at which a relief is needed in any case, s."""
 BETWEEN_RELIEFS_S = 4.0
 """Time between reliefs that are called since wheel radii are not known, s."""
+LEAST_USED_S = 8.0
+"""Time between reliefs that are called since the slip is not known for another reason, s."""
 GNSS_VALID_S = 3.0
 """Time for which a speed by satellites counts, s."""
 
@@ -43,8 +45,9 @@ class ReliefWatch:
         self._since_change_s = np.full(drives, np.inf)
         self._since_first_change_s = np.full(drives, np.inf)
         self._changed = np.zeros(drives, dtype=bool)
-        self._relief_level = np.zeros(drives)
+        self._highest = np.full(drives, -np.inf)
         self._moved = np.zeros(drives, dtype=bool)
+        self._last = np.full(drives, np.inf)
         self._speed = np.full(drives, 1.0)
 
     def see_speed(self, there: NDArray[np.bool_]) -> None:
@@ -85,15 +88,22 @@ class ReliefWatch:
         self.first_ended |= relieved
         self._relieved_before |= long_enough & relieved[:, None]
         level = _log_level(adhesion)
-        self._relief_level = np.where(relieved, level, self._relief_level)
-        self._moved = np.abs(level - self._relief_level) > self._settings.effort_change
         any_change = change.any(axis=1)
+        self._highest = np.where(any_change, -np.inf, self._highest)
+        self._highest = np.where(relieved, np.maximum(level, self._highest), self._highest)
+        self._last = np.where(relieved, level, self._last)
+        self._moved = level - self._last > self._settings.effort_change
         starts = any_change & ~self._changed
         self._since_first_change_s = np.where(starts, 0.0, self._since_first_change_s)
         self._since_change_s = np.where(any_change, 0.0, self._since_change_s)
         # A relief ends a change that came before the axle was free.
         ended = relieved & (self._since_change_s > self._settings.relief_s)
         self._changed = (self._changed & ~ended) | any_change
+
+    def beyond(self, adhesion: Array) -> Array:
+        """Logarithm of the effort over the largest one of all reliefs, at least 0, (drives,)."""
+        above = _log_level(adhesion) - self._highest
+        return np.where(np.isfinite(above), np.maximum(above, 0.0), 0.0)
 
     def judge(self, slip_std: Array) -> ReliefVerdict:
         """Verdict at the standard deviations of the slips, 1, shape (drives,)."""
@@ -106,7 +116,9 @@ class ReliefWatch:
         passage = np.minimum(self._length / self._speed + QUIET_S, LONGEST_WAIT_S)
         waited = self._since_first_change_s > passage
         new_axle_left = ~self._relieved_before.all(axis=1)
-        radii = ~sharp & new_axle_left & (self.since_relief_s >= BETWEEN_RELIEFS_S)
+        more = new_axle_left & ~self._moved
+        again_s = np.where(more, BETWEEN_RELIEFS_S, LEAST_USED_S)
+        radii = (~sharp | moved) & (self.since_relief_s >= again_s)
         wanted = (self._changed & waited & (self.since_relief_s > 0)) | (radii & ~self._changed)
         reasons = tuple(
             "" if k else "change" if c else "relief" if not r else "effort" if m else "radii"

@@ -33,9 +33,16 @@ class ObservedSpeedSettings(Value):
         settling_s: Time for which an axle is left out after the surface changed under it, s.
         gate: Number of standard deviations by which an axle deviates from the others where the
             surface has changed under it.
-        elasticity: d ln λ/d ln μ of the curve, 1: of Burckhardt's and Polach's it is 1 on the
-            straight part, 2 at 70 % of the peak, 3 to 4 at 85 % and above 6 at 95 %.
-        elasticity_std: Standard deviation of the elasticity, 1.
+        half_slip: Slip a at which the curve's hyperbola μ = m λ/(a + λ) reaches half of m, 1,
+            before a ramp has shown it: 0.0016 to 0.004 for Polach's dry, greasy and wet rails.
+        half_std: Standard deviation of its logarithm.
+        ramp_std: The same for what a ramp shows, by the form of the curve alone.
+        half_wander: Change of that logarithm along ln μ as a random walk, 1.
+        form_std: Error of a change of the slip along the hyperbola, as a share of it.
+        apart_std: The same for the axles beside each other.
+        apart_std: The same for the axles beside each other.
+        beyond: d ln λ/d ln μ that is possible above the largest effort at which an axle was
+            relieved, where no ramp has shown the curve.
         level_wander: Change of the adhesion of the rail along 100 m as a random walk, 1. Common to
             all axles; drives over wet rails scatter by several percent.
         axle_wander: Like `level_wander`, of one axle against the others, 1.
@@ -56,8 +63,8 @@ class ObservedSpeedSettings(Value):
         accelerometer_std: Noise of an acceleration over a block, m/s².
         relief_s: Time for which an axle must have been free, s.
         relief_valid_s: Time after which a relief is too old, s.
-        effort_change: Largest change of ln μ since the last relief, 1. Farther along the curve the
-            slip is not known, since its elasticity lies anywhere between 1 and 6.
+        effort_change: Largest ln μ above the last relief's, 1. Beyond it the curve is not known;
+            below, the ramps have shown it.
         slip_std: Largest standard deviation of the slip that counts as known, 1.
 
     """
@@ -76,9 +83,14 @@ class ObservedSpeedSettings(Value):
     excited_wander: Annotated[float, Positive] = 0.003
     settling_s: Annotated[float, Within(0, 10)] = 0.3
     gate: Annotated[float, Within(1, 100)] = 5.0
-    elasticity: Annotated[float, Within(0.1, 20)] = 3.5
-    elasticity_std: Annotated[float, Positive] = 2.0
-    level_wander: Annotated[float, Positive] = 0.015
+    half_slip: Annotated[float, Positive] = 0.0027
+    half_std: Annotated[float, Positive] = 0.5
+    ramp_std: Annotated[float, Positive] = 0.3
+    half_wander: Annotated[float, Positive] = 0.6
+    form_std: Annotated[float, Positive] = 0.5
+    apart_std: Annotated[float, Positive] = 2.0
+    beyond: Annotated[float, Positive] = 3.0
+    level_wander: Annotated[float, Positive] = 0.026
     axle_wander: Annotated[float, Positive] = 0.015
     free_compliance: Annotated[float, Positive] = 0.02
     free_compliance_std: Annotated[float, Positive] = 0.015
@@ -93,7 +105,7 @@ class ObservedSpeedSettings(Value):
     accelerometer_std: Annotated[float, Positive] = 0.05
     relief_s: Annotated[float, Within(0.01, 10)] = 0.5
     relief_valid_s: Annotated[float, Positive] = 25.0
-    effort_change: Annotated[float, Positive] = 0.15
+    effort_change: Annotated[float, Positive] = 0.1
     slip_std: Annotated[float, Positive] = 0.002
 
     def __post_init__(self) -> None:

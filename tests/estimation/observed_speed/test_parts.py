@@ -90,4 +90,4 @@ def test_an_axle_that_has_not_pulled_has_no_mean():
     assert first.free[0, 0]
     started = watch.update(np.array([[0.1]]), 0.05, 0.0045)
     assert started.starts[0, 0]
-    assert started.mean[0, 0] == 0.1
+    assert np.isclose(started.mean[0, 0], 0.1)

@@ -71,14 +71,14 @@ def test_a_change_of_the_surface_under_one_axle_is_no_acceleration():
     assert drive.relieve(1).known[0]
 
 
-def test_another_effort_needs_another_relief():
+def test_a_larger_effort_needs_another_relief():
     drive = StraightDrive()
     drive.run(2.0)
     for axle in range(3):
         drive.relieve(axle)
     for _ in range(20):
-        drive.adhesion *= 0.985
-        drive.slip *= 0.985**2
+        drive.adhesion *= 1.015
+        drive.slip *= 1.015**2
         stated = drive.run(0.2)
     assert not stated.known[0]
     assert stated.missing().startswith("the effort has changed since the last relief")

@@ -1,0 +1,95 @@
+"""Keeps the last seconds of samples, and cuts out those around a relief that has ended."""
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adhesion_can.arrays import Array
+from adhesion_can.estimation.observed_speed.ramp_fit import RampSamples
+
+KEPT_S = 4.0
+"""Time for which samples are kept, s."""
+BEFORE_S, AFTER_S = 0.5, 0.25
+"""Time before and after the axle was free that belongs to a relief, s: both ramps."""
+LEAST_OTHERS = 2
+"""Axles that must pull all the time, beside which the relieved one is seen."""
+
+
+class RampWatch:
+    """Samples of drives that run side by side.
+
+    Args:
+        drives: Number of drives.
+        axles: Number of axles.
+        relief_s: Time for which an axle must have been free, s.
+
+    """
+
+    def __init__(self, drives: int, axles: int, relief_s: float) -> None:
+        self._relief_s = relief_s
+        self._samples: deque[tuple[float, Array, Array]] = deque()
+        self._now_s = 0.0
+        shape = (drives, axles)
+        self._since_s = np.full(shape, np.nan)
+        self._resumed_s = np.full(shape, np.nan)
+        self._restless_s = np.zeros(shape)
+
+    def add(self, dt: float, rim: Array, adhesion: Array) -> None:
+        """Keep a sample: rim speeds, m/s, and adhesions, 1, both (drives, axles)."""
+        self._now_s += dt
+        self._samples.append((self._now_s, rim, adhesion))
+        while self._samples[0][0] < self._now_s - KEPT_S:
+            self._samples.popleft()
+
+    def update(
+        self,
+        free_s: Array,
+        free: NDArray[np.bool_],
+        pulls: NDArray[np.bool_],
+        change: NDArray[np.bool_],
+        mean: Array,
+        slip: Array,
+    ) -> Iterator[tuple[int, int, RampSamples]]:
+        """Drive, axle and samples of each relief whose second ramp has ended with this block.
+
+        Args:
+            free_s: Time for which each axle has been free, s, shape (drives, axles).
+            free: Whether each axle is free.
+            pulls: Whether each axle pulls steadily.
+            change: Whether the surface has changed under each axle.
+            mean: Mean adhesion of each axle while it pulls, 1.
+            slip: Slip of each axle at its mean adhesion, 1.
+
+        """
+        now_s = self._now_s
+        long_enough = free & np.asarray(free_s >= self._relief_s - 1e-9)
+        self._since_s = np.where(long_enough, now_s - free_s, self._since_s)
+        self._restless_s = np.where(pulls, self._restless_s, now_s)
+        waiting = np.isfinite(self._since_s)
+        begins = waiting & pulls & np.isnan(self._resumed_s)
+        self._resumed_s = np.where(begins, now_s, self._resumed_s)
+        lost = change.any(axis=1, keepdims=True) | (
+            waiting & ~free & (now_s - self._since_s > KEPT_S)
+        )
+        self._since_s = np.where(lost, np.nan, self._since_s)
+        self._resumed_s = np.where(lost | ~waiting, np.nan, self._resumed_s)
+        done = np.isfinite(self._since_s) & (now_s - self._resumed_s >= AFTER_S)
+        for drive, axle in zip(*np.nonzero(done), strict=True):
+            start_s = self._since_s[drive, axle] - BEFORE_S
+            steady = self._restless_s[drive] < start_s
+            others = [int(k) for k in np.flatnonzero(steady) if k != axle]
+            if len(others) >= LEAST_OTHERS:
+                sign = float(np.sign(mean[drive, axle]))
+                yield int(drive), int(axle), self._cut(int(drive), start_s, sign, others, slip)
+        self._since_s = np.where(done, np.nan, self._since_s)
+        self._resumed_s = np.where(done, np.nan, self._resumed_s)
+
+    def _cut(
+        self, drive: int, start_s: float, sign: float, others: list[int], slip: Array
+    ) -> RampSamples:
+        chosen = [(rim[drive], used[drive]) for t, rim, used in self._samples if t >= start_s]
+        rim = np.array([one for one, _ in chosen])
+        adhesion = np.array([one for _, one in chosen])
+        return RampSamples(np.log(np.maximum(rim, 1e-3)), sign * adhesion, others, slip[drive])
