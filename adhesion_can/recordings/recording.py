@@ -45,7 +45,7 @@ from adhesion_can.recordings.python_can_readers import (
 from adhesion_can.recordings.sqlite_frames import read_sqlite
 from adhesion_can.recordings.text_columns.candump_form import CandumpForm
 from adhesion_can.recordings.text_columns.parse import read_text
-from adhesion_can.recordings.text_columns.text_source import FRONT, LINE_LIMIT, Packing, TextSource
+from adhesion_can.recordings.text_columns.text_source import LINE_LIMIT, Packing, TextSource
 
 _CHUNK = 1 << 20  # columns of so much text stay in a core's cache
 _ROWS = 50_000  # of a block of a format that is read frame by frame
@@ -53,15 +53,6 @@ _MF4_FIX = "write it again with the tool that made it, or export its frames as c
 
 _Read = tuple[Block, int, ReadReport]
 """Block, with the position and the report behind it."""
-
-
-def _comments(text: bytes) -> Iterator[bytes]:
-    """Whole lines of a text that begin with '#'."""
-    text = b"\n" + text
-    begin = text.find(b"\n#") + 1
-    while begin and (end := text.find(b"\n", begin)) >= 0:
-        yield text[begin : end + 1]
-        begin = text.find(b"\n#", end) + 1
 
 
 class Recording:
@@ -179,9 +170,7 @@ class Recording:
         if self._format != CANDUMP:
             return
         with self._source(ReadReport()) as source:
-            # Looked for in chunks: a comment is one line in a million.
-            for chunk in source.chunks(_CHUNK):
-                yield from _comments(chunk.text[FRONT : chunk.stop].tobytes())
+            yield from source.comments(_CHUNK)
 
     def _source(self, report: ReadReport) -> TextSource:
         return TextSource(self.path, self._packing, report)

@@ -15,7 +15,7 @@ from adhesion_can.learning.child import LearningTask
 from adhesion_can.learning.companion import LearningCompanion
 from adhesion_can.learning.confirmation import LearningState
 from adhesion_can.learning.learner import Learner, LearningSettings
-from adhesion_can.learning.record import ReadingRecord
+from adhesion_can.learning.record import ReadingRecord, join_readings
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
 from adhesion_can.recordings.candump import ReadReport, read_candump
@@ -130,25 +130,25 @@ class CorrectedService:
         self.log, self.sent, self.taken, self.reports = [], [], [], []
         self.applied = AppliedModels(self.log.append)
         self.core = CorrectingCore(config, on_model=self._note, on_setpoint=self._observe)
-        self.core.on_readings = self._add
+        self.core.on_readings = self._parts.append
         self.applied.attach(self.core)
         self._learner = Learner(config, folder, self._hear)
-        self._doubt, self._next_us = Doubt.NONE, 0
+        self._doubt, self._parts, self._next_us = Doubt.NONE, [], 0
         self.statuses = []
 
     def feed(self, frame):
         self.sent += self.core.feed(frame)
         if frame.t_us >= self._next_us:
             self._next_us = frame.t_us + 1_000_000
+            # Together, as they reach the learner's process.
+            self._learner.add(join_readings(self._parts), self._doubt)
+            self._parts.clear()
             while self._learner.work():
                 pass
 
     def _observe(self, t_us, outputs):
         self._doubt = outputs.doubt
         self.statuses.append((t_us / 1e6, outputs.status))
-
-    def _add(self, readings):
-        self._learner.add(readings, self._doubt)
 
     def _hear(self, report):
         self.reports.append(report)

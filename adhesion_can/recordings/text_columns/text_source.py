@@ -153,6 +153,15 @@ class TextSource:
                 ahead = pool.submit(next, chunks, None)
                 yield chunk
 
+    def comments(self, size: int) -> Iterator[bytes]:
+        """Whole lines that begin with '#', found in chunks of so many bytes: they are few."""
+        for chunk in self.chunks(size):
+            text = b"\n" + chunk.text[FRONT : chunk.stop].tobytes()
+            begin = text.find(b"\n#") + 1
+            while begin and (end := text.find(b"\n", begin)) >= 0:
+                yield text[begin : end + 1]
+                begin = text.find(b"\n#", end) + 1
+
     def _chunks(self, size: int) -> Iterator[Chunk]:
         self._skip_mark()
         rest = np.empty(0, np.uint8)
