@@ -32,8 +32,8 @@ def test_an_old_relief_does_not_count():
     drive.run(2.0)
     for axle in range(3):
         drive.relieve(axle)
-    assert drive.run(20.0).known[0]
-    stated = drive.run(6.0)
+    assert drive.run(15.0).known[0]
+    stated = drive.run(11.0)
     assert not stated.known[0]
     assert stated.missing() == "relieve one axle for a second"
 
