@@ -1,7 +1,7 @@
 """Slip along the rising part of a curve: the rectangular hyperbola μ = m λ/(a + λ).
 
 The slip a at which half of m is reached gives the elasticity everywhere, d ln λ/d ln μ = 1 + λ/a,
-so that one number tells how the slip of any axle follows its effort (Kondner 1963, for soils).
+so that one number gives the way in which slips follow efforts (Kondner 1963, for soils).
 On the ramps of 60 curves of Polach it predicts the slip at 75 to 90 % of the effort to 10 to 20 %
 of its change; above the effort at which `a` was found it predicts nothing near the peak.
 """
