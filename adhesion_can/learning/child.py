@@ -19,7 +19,6 @@ from typing import BinaryIO, NamedTuple
 from adhesion_can.config import Configuration
 from adhesion_can.learning.learner import Learner, LearningSettings
 from adhesion_can.learning.report import LearningReport
-from adhesion_can.physics.doubt import Doubt
 from adhesion_can.sampling.column_former import Readings
 
 IDLE_S = 1.0
@@ -53,12 +52,13 @@ class ReadingBatch(NamedTuple):
 
     Attributes:
         readings: Readings of all signals.
-        doubt: The service's doubt at their end.
+        is_doubted: Whether the service doubted curve or readings at their end; None: it could not
+            say.
 
     """
 
     readings: Readings
-    doubt: Doubt
+    is_doubted: bool | None
 
 
 def lower_priority() -> None:
@@ -104,7 +104,7 @@ def _learn(source: BinaryIO, tell: Callable[[LearningReport], None]) -> None:
                 batch: ReadingBatch = pickle.load(source)  # noqa: S301
             except (EOFError, pickle.UnpicklingError):
                 break
-            learner.add(batch.readings, Doubt(batch.doubt))
+            learner.add(batch.readings, batch.is_doubted)
             came.set()
         has_ended.set()
         came.set()

@@ -17,9 +17,9 @@ from queue import Empty, SimpleQueue
 from typing import IO, NamedTuple
 
 from adhesion_can.learning.child import FAILED, LearningTask, ReadingBatch
+from adhesion_can.learning.doubted import is_doubted
 from adhesion_can.learning.record import join_readings
 from adhesion_can.learning.report import LearningReport
-from adhesion_can.physics.doubt import Doubt
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.service.behind import Behind
 from adhesion_can.service.outputs import Outputs
@@ -42,10 +42,10 @@ PROGRAM = (
 
 
 class _FrameReadings(NamedTuple):
-    """Readings of some frames, in the order in which they came, and the doubt at their end."""
+    """Readings of some frames, in the order in which they came, and whether they are doubted."""
 
     parts: list[Readings]
-    doubt: Doubt
+    is_doubted: bool | None
 
 
 class LearningCompanion:
@@ -77,7 +77,7 @@ class LearningCompanion:
         self._notify = notify
         self._command = command
         self._restart_s = restart_s
-        self._doubt = Doubt.NONE
+        self._is_doubted: bool | None = None
         self._parts: list[Readings] = []
         self._since_us = 0
         self._news: SimpleQueue[LearningReport] = SimpleQueue()
@@ -123,11 +123,11 @@ class LearningCompanion:
         parts.append(readings)
         if t_us - self._since_us >= BATCH_US or len(parts) >= MOST_FRAMES:
             self._parts = []
-            self._batches.put(_FrameReadings(parts, self._doubt))
+            self._batches.put(_FrameReadings(parts, self._is_doubted))
 
     def observe_setpoint(self, _t_us: int, outputs: Outputs) -> None:
-        """Take the doubt of a setpoint."""
-        self._doubt = outputs.doubt
+        """Take what a setpoint says of the readings."""
+        self._is_doubted = is_doubted(outputs)
 
     def take_news(self) -> LearningReport | None:
         """The next report with news for the operator; None where there is none."""
@@ -185,7 +185,7 @@ class LearningCompanion:
             self._send(process, self._task)
         for batch in batches:
             if process is not None:
-                self._send(process, ReadingBatch(join_readings(batch.parts), batch.doubt))
+                self._send(process, ReadingBatch(join_readings(batch.parts), batch.is_doubted))
 
     @staticmethod
     def _send(process: subprocess.Popen[bytes], item: object) -> None:

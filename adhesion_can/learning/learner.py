@@ -26,7 +26,6 @@ from adhesion_can.learning.proposal import (
 )
 from adhesion_can.learning.record import WINDOW_S, ReadingRecord
 from adhesion_can.learning.report import LearningReport
-from adhesion_can.physics.doubt import Doubt
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.service.kept_state import fingerprint
 
@@ -44,8 +43,9 @@ class LearningSettings:
 
     Attributes:
         interval_s: Time after which a record is diagnosed again, s.
-        doubt_s: Time for which a doubt must last to have the record diagnosed sooner, s.
-        again_s: Least time between two diagnoses while a doubt lasts, s.
+        doubt_s: Time for which a doubt or an objection must last to have the record diagnosed
+            sooner, s.
+        again_s: Least time between two diagnoses while it lasts, s.
         least_s: Least length of a record that is diagnosed, s.
         window_s: Length of the record, s.
         training_s: Time before fresh readings to which the curves are fitted, s.
@@ -113,14 +113,20 @@ class Learner:
         """State of what is learned."""
         return self._report.state
 
-    def add(self, readings: Readings, doubt: Doubt) -> None:
-        """Add readings, with the service's doubt at their end."""
+    def add(self, readings: Readings, is_doubted: bool | None) -> None:
+        """Add readings.
+
+        Args:
+            readings: Readings of all signals, behind the others.
+            is_doubted: What the service said of them at their end, as `doubted.is_doubted` has it.
+
+        """
         with self._lock:
             self._record.add(readings)
             now_us = self._record.end_us
-            if doubt is Doubt.NONE:
+            if is_doubted is False:
                 self._doubt_since_us = None
-            elif doubt is not Doubt.NOT_AVAILABLE and self._doubt_since_us is None:
+            elif is_doubted and self._doubt_since_us is None:
                 self._doubt_since_us = now_us
 
     def work(self) -> bool:

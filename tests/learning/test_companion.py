@@ -146,7 +146,7 @@ def test_readings_and_doubt_reach_the_process_in_order():
         "        assert (stamps[1:] >= stamps[:-1]).all() and stamps[0] >= last\n"
         "        rows += len(stamps)\n"
         "    last = int(stamps[-1])\n"
-        "    report = LearningReport(t_us=last, examined=rows, spans=int(batch.doubt))\n"
+        "    report = LearningReport(t_us=last, examined=rows, spans=int(batch.is_doubted))\n"
         "    print(report.to_line(), end='', flush=True)\n"
     )
     with Started(program) as started:
@@ -155,7 +155,7 @@ def test_readings_and_doubt_reach_the_process_in_order():
         # Two moments that are a batch apart go together; the last one waits for its next.
         wait_until(lambda: started.companion.report.examined == 20 * 600)
         assert started.companion.report.t_us == 20 * BATCH_US
-        assert started.companion.report.spans == Doubt.SPEED
+        assert started.companion.report.spans == 1
 
 
 @pytest.mark.slow  # a process of the lowest priority gets no time on a busy machine

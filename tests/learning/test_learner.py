@@ -13,7 +13,6 @@ from adhesion_can.learning.confirmation import LearningState
 from adhesion_can.learning.learner import Learner, LearningSettings
 from adhesion_can.learning.prediction import PredictedSpan
 from adhesion_can.learning.report import LearnedCause, LearningReport
-from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.readings import Role
 from tests.learning.learning_helpers import cause, diagnosis
 
@@ -51,10 +50,10 @@ class Course:
         worse = 2.0 if self.is_better else 0.5
         return [PredictedSpan(from_us + (k + 1) * span_us, worse, 1.0) for k in range(spans)]
 
-    def go(self, until_s, doubt=Doubt.NONE):
+    def go(self, until_s, is_doubted=False):
         while self.now_s < until_s:
             t_us = np.int64(self.now_s * 1_000_000) + np.arange(0, 1_000_000, 100_000)
-            self.learner.add({(Role.VEHICLE_SPEED, 0): (t_us, np.zeros(10))}, doubt)
+            self.learner.add({(Role.VEHICLE_SPEED, 0): (t_us, np.zeros(10))}, is_doubted)
             self.now_s += 1
             while self.learner.work():
                 pass
@@ -81,26 +80,26 @@ def test_without_a_doubt_it_diagnoses_at_each_interval(course):
 
 
 def test_a_doubt_that_lasts_calls_it_sooner(course):
-    ran = course().go(1000, Doubt.SPEED)
+    ran = course().go(1000, True)
     assert [int(end) for _, end in ran.examined][:4] == [180, 300, 420, 540]
 
 
 def test_readings_from_before_a_doubt_that_lasts_are_left_out(course):
-    ran = course().go(250).go(600, Doubt.SPEED)
+    ran = course().go(250).go(600, True)
     begins = {int(end): round(begin) for begin, end in ran.examined}
     # At 300 and 420 s the doubt is too young to stand alone.
     assert begins == {300: 0, 420: 0, 540: 251}
 
 
 def test_a_doubt_that_does_not_last_calls_nothing(course):
-    ran = course().go(150).go(200, Doubt.SPEED).go(299)
+    ran = course().go(150).go(200, True).go(299)
     assert ran.examined == []
 
 
 def test_a_doubt_that_is_not_available_neither_begins_nor_ends_one(course):
-    ran = course().go(60, Doubt.SPEED).go(181, Doubt.NOT_AVAILABLE)
+    ran = course().go(60, True).go(181, None)
     assert len(ran.examined) == 1
-    assert course().go(299, Doubt.NOT_AVAILABLE).examined == []
+    assert course().go(299, None).examined == []
 
 
 def test_what_is_confirmed_is_a_file_that_run_takes(course, tmp_path):

@@ -3,6 +3,7 @@
 import threading
 import time
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from adhesion_can.learning.application import AppliedModels
 from adhesion_can.learning.child import LearningTask
 from adhesion_can.learning.companion import LearningCompanion
 from adhesion_can.learning.confirmation import LearningState
+from adhesion_can.learning.doubted import is_doubted
 from adhesion_can.learning.learner import Learner, LearningSettings
 from adhesion_can.learning.record import ReadingRecord, join_readings
 from adhesion_can.physics.doubt import Doubt
@@ -43,14 +45,13 @@ DOUBT_S = 5.0
 """Time after which the service doubts the curve, s."""
 
 
-def learn(log, folder, doubt, doubt_us=0):
-    """Reports of a learner that gets a recording second by second, with a doubt from a time on."""
+def learn(log, folder, doubted_us=inf):
+    """Reports of a learner that gets a recording second by second, doubted from a time on, µs."""
     reports, whole = [], ReadingRecord(window_s=1e6, most_readings=10**9)
     whole.add(readings_of(log))
     learner = Learner(CONFIG, folder, reports.append)
     for from_us in range(whole.begin_us, whole.end_us, 1_000_000):
-        now = Doubt.NONE if from_us < doubt_us else doubt
-        learner.add(whole.between(from_us, from_us + 1_000_000), now)
+        learner.add(whole.between(from_us, from_us + 1_000_000), from_us >= doubted_us)
         while learner.work():
             pass
     return reports
@@ -79,7 +80,7 @@ def test_a_speed_that_is_off_is_proposed_confirmed_and_loaded(tmp_path):
         log, folder = tmp_path / f"{seed}.log", tmp_path / str(seed)
         folder.mkdir()
         truth = make_world("speed_scale", seed, log, duration_s=600.0)
-        reports = learn(log, folder, Doubt.SHAPE)
+        reports = learn(log, folder, 0)
         if reports[-1].state is not LearningState.CONFIRMED:
             continue
         confirmed += 1
@@ -95,7 +96,7 @@ def test_in_sound_drives_nothing_is_proposed(tmp_path):
     for seed in (1, 2):
         log = tmp_path / f"{seed}.log"
         make_world("null:0", seed, log, duration_s=600.0)
-        reports = learn(log, tmp_path, Doubt.NONE)
+        reports = learn(log, tmp_path)
         assert reports[-1].examined >= 1
         assert reports[-1].proposed == 0
 
@@ -104,7 +105,7 @@ def test_in_sound_drives_nothing_is_proposed(tmp_path):
 def test_a_sensor_that_goes_off_in_the_middle_in_simulated_time(tmp_path):
     log = tmp_path / "drive.log"
     write_fault_in_the_middle(log, 440.0)
-    reports = learn(log, tmp_path, Doubt.SPEED, (FAULT_S + DOUBT_S) * 1e6)
+    reports = learn(log, tmp_path, (FAULT_S + DOUBT_S) * 1e6)
     proposed = next(one for one in reports if one.state is LearningState.ESTIMATED)
     assert proposed.t_us > FAULT_S * 1e6
     assert proposed.causes[0].effect == "speed_scale"
@@ -128,26 +129,26 @@ class CorrectedService:
 
     def __init__(self, config, folder):
         self.log, self.sent, self.taken, self.reports = [], [], [], []
+        self._is_doubted, self._parts, self._next_us = None, [], 0
+        self.statuses = []
         self.applied = AppliedModels(self.log.append)
         self.core = CorrectingCore(config, on_model=self._note, on_setpoint=self._observe)
         self.core.on_readings = self._parts.append
         self.applied.attach(self.core)
         self._learner = Learner(config, folder, self._hear)
-        self._doubt, self._parts, self._next_us = Doubt.NONE, [], 0
-        self.statuses = []
 
     def feed(self, frame):
         self.sent += self.core.feed(frame)
         if frame.t_us >= self._next_us:
             self._next_us = frame.t_us + 1_000_000
             # Together, as they reach the learner's process.
-            self._learner.add(join_readings(self._parts), self._doubt)
+            self._learner.add(join_readings(self._parts), self._is_doubted)
             self._parts.clear()
             while self._learner.work():
                 pass
 
     def _observe(self, t_us, outputs):
-        self._doubt = outputs.doubt
+        self._is_doubted = is_doubted(outputs)
         self.statuses.append((t_us / 1e6, outputs.status))
 
     def _hear(self, report):

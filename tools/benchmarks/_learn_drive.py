@@ -13,13 +13,16 @@ from adhesion_can import replay
 from adhesion_can.config import load_configuration
 from adhesion_can.config.model_file import parse_model
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.learning.doubted import is_doubted
 from adhesion_can.learning.learner import Learner
 from adhesion_can.learning.record import ReadingRecord
 from adhesion_can.offline.load_traces import load_traces
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.effects import ActiveEffect, forms_of_effect
+from adhesion_can.physics.objection import Objection
 from adhesion_can.recordings.sequence import blocks_in_sequence, open_recordings
 from adhesion_can.service.model_changes import ModelChange
+from adhesion_can.service.outputs import Outputs
 from tests.worlds import make_world
 from tests.worlds.hidden import Hidden
 from tests.worlds.world import World
@@ -61,7 +64,7 @@ def run_drive(task):
             truth = make_drive(kind, seed, log, duration_s)
             plain = replay(log)
             record["plain"] = measure_late(truth, log, plain)
-            learned = learn(log, (plain["time_s"], plain["doubt"]), Path(folder))
+            learned = learn(log, plain, Path(folder))
             record |= {name: value for name, value in vars(learned).items() if name != "changes"}
             if kind != SOUND:
                 record["applied"] = measure_applied(truth, log, learned.changes)
@@ -106,8 +109,11 @@ def measure_late(truth, log, table):
     }
 
 
-def learn(log, doubts, folder):
-    """What a learner proposes and confirms, fed with the readings of a drive second by second."""
+def learn(log, plain, folder):
+    """What a learner proposes and confirms, fed with the readings of a drive second by second.
+
+    `plain` are the setpoints of a service without it.
+    """
     config = load_configuration()
     blocks = blocks_in_sequence(open_recordings([log]), config.service.restart_s)
     drive = ReadingRecord(window_s=1e9, most_readings=10**9)
@@ -134,11 +140,12 @@ def learn(log, doubts, folder):
             told.changes.append(ModelChange(report.t_us, None))
 
     learner = Learner(config, folder, tell)
-    times, names = doubts
     for from_us in range(begin_us, drive.end_us + 1, STEP_US):
         to_us = from_us + STEP_US
-        place = max(int(np.searchsorted(times, to_us / 1e6)) - 1, 0)
-        learner.add(drive.between(from_us, to_us), Doubt[names[place] or "NOT_AVAILABLE"])
+        place = max(int(np.searchsorted(plain["time_s"], to_us / 1e6)) - 1, 0)
+        doubt = Doubt[plain["doubt"][place] or "NOT_AVAILABLE"]
+        said = Outputs(doubt=doubt, objection=Objection[plain["objection"][place]])
+        learner.add(drive.between(from_us, to_us), is_doubted(said))
         while learner.work():
             pass
     return told
