@@ -11,6 +11,8 @@ from adhesion_can.physics.burckhardt import adhesion, adhesion_full, peak
 from adhesion_can.physics.contact_stiffness import initial_stiffness
 from adhesion_can.physics.curves import FAMILIES, Conditions, bounds, family_by_name
 from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.curves.same_peak import burckhardt_with_same_peak
+from adhesion_can.physics.curves.surfaces import POLACH_RAIL
 from adhesion_can.physics.samples import Samples
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=25)
@@ -243,6 +245,25 @@ def test_the_free_curve_is_straight_at_small_slip_and_has_one_peak_whatever_its_
         tiny = values[1] / 64 * np.array([1e-6, 1e-3, 0.5])
         stiffness = free.adhesion(tiny, values, conditions) / tiny
         np.testing.assert_allclose(stiffness, stiffness[0], rtol=1e-9)
+
+
+def test_the_surfaces_in_polachs_form_have_his_numbers():
+    names = ("kA", "kS", "mu0", "A", "B")
+    wanted = {
+        "polach-dry": (1.00, 0.40, 0.55, 0.40, 0.60),
+        "polach-wet": (0.30, 0.10, 0.30, 0.40, 0.20),
+        "polach-low": (0.60, 0.20, 0.06, 0.20, 0.20),
+    }
+    found = {surface.name: surface.parameters for surface in POLACH_RAIL}
+    assert found == {name: dict(zip(names, values, strict=True)) for name, values in wanted.items()}
+
+
+@pytest.mark.parametrize("theta", [(0.35, 90.0, 0.4), (0.2, 40.0, 0.1), (0.4, 25.0, 0.6)])
+def test_the_burckhardt_curve_nearest_to_one_with_the_same_peak_is_that_one(theta):
+    found = burckhardt_with_same_peak(FAMILIES["burckhardt"], theta, Conditions(10.0))
+    assert found[:2] == pytest.approx(theta[:2], rel=0.02)
+    assert found[2] == pytest.approx(theta[2], rel=0.06)
+    assert np.ravel(peak(*found)[:2]) == pytest.approx(np.ravel(peak(*theta)[:2]), rel=1e-9)
 
 
 def test_conditions_of_points_without_a_vehicle_have_no_load():
