@@ -100,6 +100,8 @@ class PlausibilityWatch(Stateful):
         self._travelled = 0.0
         self._square = [0.0] * len(WINDOWS)
         self._answer_square = [0.0] * len(WINDOWS)
+        self._white = 0.0
+        """Variance of the white noise of the vehicle speed, (m/s)²."""
         self._known = 0
         self._before: deque[Estimate | None] = deque(maxlen=HISTORY)
         self._agreement = Agreement()
@@ -226,11 +228,15 @@ class PlausibilityWatch(Stateful):
         weight = 1.0 / min(self._known + 1, MEMORY)
         least = LEAST_SPEED_JUMP * self._speeds.rows.item(-1, 0)
         jolt = OUTER_JERK * min(self._share.value, 1.0) * _JERK_CYCLES2 * self._cycle_s**2
+        older, old, new = self._speeds.rows[-3:, 0].tolist()
+        self._white += weight * ((new - 2.0 * old + older) ** 2 / 6.0 - self._white)
         squares: list[float] = []
         for number, (speed, wheels, force) in enumerate(deviations):
             moved = self._share.largest * force
             rest = speed - min(max(speed, min(moved, 0.0)), max(moved, 0.0))
-            limit = self._settings.alarm**2 * self._square[number]
+            # Where the forces explain everything nothing is left, and that is no measure of noise.
+            chance = max(self._square[number], self._white * _OF_WHITE[number])
+            limit = self._settings.alarm**2 * chance
             if self._known >= LEAST_KNOWN:
                 followed = wheels * copysign(1.0, rest) >= FOLLOWED * abs(rest)
                 floor = max(least, jolt) if number == 0 else least
@@ -311,6 +317,8 @@ def _averaged(old: list[float], new: list[float], weight: float) -> list[float]:
 
 
 _WEIGHTS = extrapolation(COURSE, WINDOWS)
+_OF_WHITE = (_WEIGHTS**2).sum(axis=1).tolist()
+"""Variance of the deviations by white noise of variance 1."""
 _CYCLES = np.arange(COURSE)
 _JERK_CYCLES2 = max(abs(_WEIGHTS[0] @ np.maximum(_CYCLES - k, 0) ** 2 / 2) for k in range(COURSE))
 """Largest deviation in the window for steps by a jerk of 1 that sets in, in squares of a cycle."""
