@@ -35,6 +35,8 @@ class AxleEfforts:
         ratio: Adhesion that the slip state belongs to, over that of the last block, 1. It is 1
             while the effort changes by no more than its noise.
         starts: Whether the axle pulls for the first time.
+        free_s: Time for which it has been free, s.
+        relieved: Whether it has been free for as long as a relief lasts at least.
 
     """
 
@@ -44,6 +46,8 @@ class AxleEfforts:
     mean: Array
     ratio: Array
     starts: NDArray[np.bool_]
+    free_s: Array
+    relieved: NDArray[np.bool_]
 
 
 class EffortWatch:
@@ -55,8 +59,7 @@ class EffortWatch:
 
     def __init__(self, drives: int, axles: int, settings: ObservedSpeedSettings) -> None:
         self._settings = settings
-        self.free_s = np.zeros((drives, axles))
-        """Time for which each axle has been free, s."""
+        self._free_s = np.zeros((drives, axles))
         self._known = np.zeros((drives, axles), dtype=bool)
         self._sign = np.ones((drives, axles))
         self._level = np.zeros((drives, 1))
@@ -84,7 +87,7 @@ class EffortWatch:
 
         """
         free = np.abs(adhesion) < self._settings.free_adhesion
-        self.free_s = np.where(free, self.free_s + dt, 0.0)
+        self._free_s = np.where(free, self._free_s + dt, 0.0)
         starts = ~self._known & ~free
         sign = self._sign.copy()
         self._set(starts, adhesion)
@@ -106,7 +109,8 @@ class EffortWatch:
         # The first block near the mean may still hold the end of a ramp.
         pulls = starts | (follows & self._followed)
         self._followed = follows | starts | jumps
-        return AxleEfforts(adhesion, free, pulls, self.mean, ratio, starts)
+        relieved = free & (self._free_s >= self._settings.relief_s - 1e-9)
+        return AxleEfforts(adhesion, free, pulls, self.mean, ratio, starts, self._free_s, relieved)
 
     def _set(self, which: NDArray[np.bool_], adhesion: Array) -> None:
         """Take the adhesion of the block as the mean of axles."""

@@ -67,7 +67,7 @@ class ObservedSpeedFilter:
         geometry = locomotive.geometry
         length = float(geometry.axle_places[-1]) if geometry else 0.0
         self._reliefs = ReliefWatch(drives, self.axles, length, self.settings)
-        self._ramps = RampWatch(drives, self.axles, self.settings.relief_s)
+        self._ramps = RampWatch(drives, self.axles)
         self.state: GaussianState | None = None
         """State after the last block; None before the first one."""
         self.result: ObservedSpeed | None = None
@@ -137,9 +137,7 @@ class ObservedSpeedFilter:
         self._measure_gnss(state)
         self._measure_acceleration(state, dt)
         speed = np.exp(state.mean[:, SPEED])
-        self._reliefs.update(
-            self._efforts.free_s, axles.free, axles.pulls, change, axles.mean, speed, dt
-        )
+        self._reliefs.update(axles, change, speed, dt)
         self._see_ramps(state, axles, change)
         self._share_curve(state, axles)
         self.result = self._stated(state, axles, np.log(rim), samples)
@@ -212,10 +210,7 @@ class ObservedSpeedFilter:
     ) -> None:
         """Learn the curve from the reliefs that have ended with this block."""
         s = self.settings
-        ended = self._ramps.update(
-            self._efforts.free_s, axles.free, axles.pulls, change, axles.mean,
-            state.mean[:, self._layout.slips],
-        )  # fmt: skip
+        ended = self._ramps.update(axles, change, state.mean[:, self._layout.slips])
         for drive, axle, samples in ended:
             curve = fit_ramps(samples, axle, s.effort_std)
             if curve is not None:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts
 from adhesion_can.estimation.observed_speed.ramp_fit import RampSamples
 
 KEPT_S = 4.0
@@ -23,12 +24,10 @@ class RampWatch:
     Args:
         drives: Number of drives.
         axles: Number of axles.
-        relief_s: Time for which an axle must have been free, s.
 
     """
 
-    def __init__(self, drives: int, axles: int, relief_s: float) -> None:
-        self._relief_s = relief_s
+    def __init__(self, drives: int, axles: int) -> None:
         self._samples: deque[tuple[float, Array, Array]] = deque()
         self._now_s = 0.0
         shape = (drives, axles)
@@ -44,34 +43,24 @@ class RampWatch:
             self._samples.popleft()
 
     def update(
-        self,
-        free_s: Array,
-        free: NDArray[np.bool_],
-        pulls: NDArray[np.bool_],
-        change: NDArray[np.bool_],
-        mean: Array,
-        slip: Array,
+        self, axles: AxleEfforts, change: NDArray[np.bool_], slip: Array
     ) -> Iterator[tuple[int, int, RampSamples]]:
         """Drive, axle and samples of each relief whose second ramp has ended with this block.
 
         Args:
-            free_s: Time for which each axle has been free, s, shape (drives, axles).
-            free: Whether each axle is free.
-            pulls: Whether each axle pulls steadily.
-            change: Whether the surface has changed under each axle.
-            mean: Mean adhesion of each axle while it pulls, 1.
-            slip: Slip of each axle at its mean adhesion, 1.
+            axles: State of the axles.
+            change: Whether the surface has changed under each axle, shape (drives, axles).
+            slip: Slip of each axle at its mean adhesion, 1, of the same shape.
 
         """
         now_s = self._now_s
-        long_enough = free & np.asarray(free_s >= self._relief_s - 1e-9)
-        self._since_s = np.where(long_enough, now_s - free_s, self._since_s)
-        self._restless_s = np.where(pulls, self._restless_s, now_s)
+        self._since_s = np.where(axles.relieved, now_s - axles.free_s, self._since_s)
+        self._restless_s = np.where(axles.pulls, self._restless_s, now_s)
         waiting = np.isfinite(self._since_s)
-        begins = waiting & pulls & np.isnan(self._resumed_s)
+        begins = waiting & axles.pulls & np.isnan(self._resumed_s)
         self._resumed_s = np.where(begins, now_s, self._resumed_s)
         lost = change.any(axis=1, keepdims=True) | (
-            waiting & ~free & (now_s - self._since_s > KEPT_S)
+            waiting & ~axles.free & (now_s - self._since_s > KEPT_S)
         )
         self._since_s = np.where(lost, np.nan, self._since_s)
         self._resumed_s = np.where(lost | ~waiting, np.nan, self._resumed_s)
@@ -81,7 +70,7 @@ class RampWatch:
             steady = self._restless_s[drive] < start_s
             others = [int(k) for k in np.flatnonzero(steady) if k != axle]
             if len(others) >= LEAST_OTHERS:
-                sign = float(np.sign(mean[drive, axle]))
+                sign = float(np.sign(axles.mean[drive, axle]))
                 yield int(drive), int(axle), self._cut(int(drive), start_s, sign, others, slip)
         self._since_s = np.where(done, np.nan, self._since_s)
         self._resumed_s = np.where(done, np.nan, self._resumed_s)

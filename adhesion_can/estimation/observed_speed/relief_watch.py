@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 
 QUIET_S = 0.3
@@ -55,23 +56,13 @@ class ReliefWatch:
         self._since_gnss_s = np.where(there, 0.0, self._since_gnss_s)
 
     def update(
-        self,
-        free_s: Array,
-        free: NDArray[np.bool_],
-        pulls: NDArray[np.bool_],
-        change: NDArray[np.bool_],
-        adhesion: Array,
-        speed: Array,
-        dt: float,
+        self, axles: AxleEfforts, change: NDArray[np.bool_], speed: Array, dt: float
     ) -> None:
         """Let a block of `dt` seconds pass.
 
         Args:
-            free_s: Time for which each axle has been free, s, shape (drives, axles).
-            free: Whether each axle is free.
-            pulls: Whether each axle pulls steadily.
-            change: Whether the surface has changed under each axle.
-            adhesion: Mean adhesion of each axle while it pulls, 1; NaN: it has not pulled yet.
+            axles: State of the axles.
+            change: Whether the surface has changed under each axle, shape (drives, axles).
             speed: Vehicle speed, m/s, shape (drives,).
             dt: Time since the last call, s.
 
@@ -81,13 +72,14 @@ class ReliefWatch:
         self._since_gnss_s = self._since_gnss_s + dt
         self._since_change_s = self._since_change_s + dt
         self._since_first_change_s = self._since_first_change_s + dt
-        long_enough = free & np.asarray(free_s >= self._settings.relief_s - 1e-9)
         # While all axles coast there is no slip to know.
-        relieved = long_enough.any(axis=1) & (2 * pulls.sum(axis=1) >= free.shape[1])
+        relieved = axles.relieved.any(axis=1) & (
+            2 * axles.pulls.sum(axis=1) >= axles.pulls.shape[1]
+        )
         self.since_relief_s = np.where(relieved, 0.0, self.since_relief_s)
         self.first_ended |= relieved
-        self._relieved_before |= long_enough & relieved[:, None]
-        level = _log_level(adhesion)
+        self._relieved_before |= axles.relieved & relieved[:, None]
+        level = _log_level(axles.mean)
         any_change = change.any(axis=1)
         self._highest = np.where(any_change, -np.inf, self._highest)
         self._highest = np.where(relieved, np.maximum(level, self._highest), self._highest)
