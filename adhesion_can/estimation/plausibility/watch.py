@@ -229,7 +229,10 @@ class PlausibilityWatch(Stateful):
         least = LEAST_SPEED_JUMP * self._speeds.rows.item(-1, 0)
         jolt = OUTER_JERK * min(self._share.value, 1.0) * _JERK_CYCLES2 * self._cycle_s**2
         older, old, new = self._speeds.rows[-3:, 0].tolist()
-        self._white += weight * ((new - 2.0 * old + older) ** 2 / 6.0 - self._white)
+        white = (new - 2.0 * old + older) ** 2 / 6.0
+        if self._known >= LEAST_KNOWN:
+            white = min(white, _SPIKE * self._white)
+        self._white += weight * (white - self._white)
         squares: list[float] = []
         for number, (speed, wheels, force) in enumerate(deviations):
             moved = self._share.largest * force
@@ -319,6 +322,8 @@ def _averaged(old: list[float], new: list[float], weight: float) -> list[float]:
 _WEIGHTS = extrapolation(COURSE, WINDOWS)
 _OF_WHITE = (_WEIGHTS**2).sum(axis=1).tolist()
 """Variance of the deviations by white noise of variance 1."""
+_SPIKE = 16.0
+"""Most that one reading counts for the white noise, in its variances: a spike is no noise."""
 _CYCLES = np.arange(COURSE)
 _JERK_CYCLES2 = max(abs(_WEIGHTS[0] @ np.maximum(_CYCLES - k, 0) ** 2 / 2) for k in range(COURSE))
 """Largest deviation in the window for steps by a jerk of 1 that sets in, in squares of a cycle."""
