@@ -1,6 +1,6 @@
 """The file of a learned model, with its validity in `[provenance]`."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from math import sqrt
@@ -61,7 +61,12 @@ def write_learned(
 
 
 def find_confirmed(
-    folder: Path, vehicle: str, now_us: int, most_age_s: float, in_use: Collection[str] = ()
+    folder: Path,
+    vehicle: str,
+    now_us: int,
+    most_age_s: float,
+    in_use: Collection[str],
+    pass_over: Callable[[InputError], None],
 ) -> LearnedModel | None:
     """The model of an earlier service that was confirmed last; None where there is none.
 
@@ -71,26 +76,42 @@ def find_confirmed(
         now_us: Present time, µs.
         most_age_s: Largest time since readings last bore it out, s.
         in_use: Names of effects; a model of these alone is none.
+        pass_over: Callback with what is wrong with each file that cannot be read.
 
     """
     known: list[tuple[float, LearnedModel]] = []
     for path in sorted(folder.glob(f"{_PREFIX}*.toml")):
         try:
             model = read_model(path)
-            until_us = _checked_until_us(model, vehicle)
-        except (InputError, ValueError):
-            continue  # no file of ours, or not readable: it is learned again
-        if now_us - until_us <= most_age_s * 1e6 and not set(in_use).issuperset(model.names):
+            until_us = _checked_until_us(path, model, vehicle)
+        except InputError as error:
+            pass_over(error)
+            continue
+        is_new = until_us is not None and now_us - until_us <= most_age_s * 1e6
+        if until_us is not None and is_new and not set(in_use).issuperset(model.names):
             known.append((until_us, _from_file(path, model)))
     return max(known, key=lambda one: one[0])[1] if known else None
 
 
-def _checked_until_us(model: ExtendedModel, vehicle: str) -> float:
-    """Time up to which readings bore a confirmed model out, µs; ValueError where it is not one."""
+def _checked_until_us(path: Path, model: ExtendedModel, vehicle: str) -> float | None:
+    """Time up to which readings bore a model out, µs; None where it is not confirmed for a vehicle.
+
+    Raises:
+        InputError: The file says no such time.
+
+    """
     told = model.provenance
     if told.get("state") != LearningState.CONFIRMED or told.get("vehicle") != vehicle:
-        raise ValueError("not confirmed for this vehicle")
-    return datetime.fromisoformat(told.get("checked until", "")).timestamp() * 1e6
+        return None
+    until = told.get("checked until", "")
+    try:
+        return datetime.fromisoformat(until).timestamp() * 1e6
+    except ValueError:
+        raise InputError(
+            f"{path}: provenance",
+            f"'checked until' is not a time: {until!r}",
+            "remove the file; the model is learned again",
+        ) from None
 
 
 def _from_file(path: Path, model: ExtendedModel) -> LearnedModel:

@@ -213,7 +213,13 @@ class Learner:
         if self._folder is None:
             return False
         most_age_s = self._configuration.service.state_age_s
-        kept = find_confirmed(self._folder, self._vehicle, now_us, most_age_s, self._in_use)
+        unreadable: list[InputError] = []
+        kept = find_confirmed(
+            self._folder, self._vehicle, now_us, most_age_s, self._in_use, unreadable.append
+        )
+        for error in unreadable:
+            news = f"a learned model of an earlier run cannot be used: {error}"
+            self._send(replace(self._report, t_us=now_us, news=news))
         if kept is None:
             return False
         self._is_kept = True

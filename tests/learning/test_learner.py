@@ -239,13 +239,36 @@ def test_a_kept_model_that_is_too_old_or_in_use_is_not_taken_up(course, now_s, i
 
 
 @pytest.mark.usefixtures("confirmed")
-def test_a_file_of_another_vehicle_or_of_no_model_is_not_taken_up(course, tmp_path):
+def test_a_file_of_another_vehicle_is_not_taken_up(course, tmp_path):
     path = tmp_path / "learned-speed_scale.toml"
     text = path.read_text()
-    for other in (text.replace('"vehicle" = "', '"vehicle" = "x'), "", text[:200]):
-        assert other != text
-        path.write_text(other)
-        assert begin_again(course, 5000).go(5010).news == []
+    path.write_text(text.replace('"vehicle" = "', '"vehicle" = "x'))
+    assert path.read_text() != text
+    assert begin_again(course, 5000).go(5010).news == []
+
+
+@pytest.mark.usefixtures("confirmed")
+@pytest.mark.parametrize(
+    ("damage", "what"),
+    [
+        (lambda text: text[:200], "line"),
+        (lambda text: text.replace('"checked until" = "', '"checked until" = "on '), "not a time"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_reported_and_learned_again(course, tmp_path, damage, what):
+    path = tmp_path / "learned-speed_scale.toml"
+    text = path.read_text()
+    path.write_text(damage(text))
+    assert path.read_text() != text
+    ran = course(LOW, LOW, LOW)
+    ran.now_s = 5000
+    ran.go(5010)
+    assert [state for state, _ in ran.news] == ["unestimated"]
+    assert "learned-speed_scale.toml" in ran.news[0][1]
+    assert what in ran.news[0][1]
+    ran.go(5600)
+    assert [state for state, _ in ran.news[1:]] == ["estimated", "confirmed"]
+    assert parse_model(path.read_text(), "report").effects
 
 
 def test_a_model_that_holds_for_long_is_not_too_old_after_it(course, confirmed):
