@@ -66,9 +66,10 @@ def run_drive(task):
             record["plain"] = measure_late(truth, log, plain)
             learned = learn(log, plain, Path(folder))
             record |= {name: value for name, value in vars(learned).items() if name != "changes"}
+            record["causes"] = [one.model.names for one in learned.changes if one.model]
             if kind != SOUND:
                 record["applied"] = measure_applied(truth, log, learned.changes)
-                if with_true:
+                if with_true and kind in SIZES:
                     record["true"] = measure_late(truth, log, replay(log, model=true_model(truth)))
         except Exception as error:  # noqa: BLE001  whatever it was: it is the finding
             record["error"] = repr(error)[:500]
@@ -78,7 +79,7 @@ def run_drive(task):
 
 def make_drive(kind, seed, log, duration_s):
     """Write a drive; its truth."""
-    if kind == SOUND:
+    if kind not in SIZES:
         return make_world(kind, seed, log, duration_s=duration_s)
     world = SizedWorld(kind, seed, 0, duration_s)
     return world.written((kind,), log, (0.0, np.inf), fresh=False)
