@@ -54,5 +54,9 @@ def test_few_rows_gaps_and_one_stamp_say_nothing():
     assert find_derived_force(stamps(t), read, force) is not None
     assert find_derived_force(stamps(t)[:90], read[:90], force[:90]) is None
     assert find_derived_force(0 * stamps(t), read, force) is None
+    # Every third step is half as long again, or half as long.
+    for share in (1.5, 0.5):
+        uneven = np.cumsum(np.tile([1.0, 1.0, share], len(t) // 3) * STEP_S)
+        assert find_derived_force(stamps(uneven), read, force) is None
     holes = stamps(t) + np.arange(len(t)) // 3 * 1_000_000
     assert find_derived_force(holes, read, force) is None

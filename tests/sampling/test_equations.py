@@ -18,7 +18,8 @@ from adhesion_can.sampling.equations import (
 
 CYCLES = {Role.WHEEL_SPEED: 10_000, Role.VEHICLE_SPEED: 20_000, Role.TRACTIVE_EFFORT: 15_000,
           Role.AXLE_LOAD: 200_000}  # fmt: skip
-NOISE = Sensors(wheel_speed_std=0.01, vehicle_speed_std=0.02, effort_std=3e3)
+NOISE = Sensors(wheel_speed_std=0.1, vehicle_speed_std=0.02, effort_std=3e3)
+"""The noise of the wheel speed adds 3500 N to that of the effort, by the inertia."""
 VEHICLE = Locomotive(
     wheel_radius=(0.6, 0.5), axle_load=(2e5, 1.5e5), wheelset_inertia=300.0, geometry=None
 )
@@ -27,8 +28,8 @@ BEFORE_S, AFTER_S = 0.012, 0.008
 """Steps from the wheel speed before and to the one after."""
 
 
-def equations(vehicle=VEHICLE, instruments=PERFECT, **more):
-    return SampleEquations(vehicle, CYCLES, SamplingSettings(), NOISE, instruments, **more)
+def equations(vehicle=VEHICLE, instruments=PERFECT, sensors=NOISE, **more):
+    return SampleEquations(vehicle, CYCLES, SamplingSettings(), sensors, instruments, **more)
 
 
 def measured(n, axle=1, **changes):
@@ -89,16 +90,18 @@ def test_what_noise_explains_within_four_deviations_is_no_transient(share):
     wanted = (300.0 * share * noise / 2.0 / r / LOAD) ** 2 if abs(share) > 1.0 else 0.0
     assert changed == pytest.approx(wanted)
     # The difference of two efforts has √2 their noise; in the middle of its step half of it shows.
-    noise = 4.0 * np.sqrt(2.0) * NOISE.effort_std / 2.0
-    (stepped,) = equations().derive(measured(1, effort_step_std=share * noise)).transient_var
-    assert stepped == pytest.approx((noise * share / LOAD) ** 2 if share > 1.0 else 0.0)
+    for std in (NOISE.effort_std, 1.0):
+        noise = 4.0 * np.sqrt(2.0) * std / 2.0
+        of_quiet = equations(sensors=replace(NOISE, effort_std=std))
+        (stepped,) = of_quiet.derive(measured(1, effort_step_std=share * noise)).transient_var
+        assert stepped == pytest.approx((noise * share / LOAD) ** 2 if share > 1.0 else 0.0)
 
 
 def test_transients_of_all_kinds_add_up():
     r = VEHICLE.wheel_radius[0]
-    rows = measured(*(1,), acceleration_change=-60.0, effort_step_std=2e4, transfer_std=9e3)
+    rows = measured(1, acceleration_change=-120.0, effort_step_std=2e4, transfer_std=9e3)
     found = equations().derive(rows)
-    parts = (300.0 * 30.0 / r, 2e4, found.adhesion[0] * 9e3)
+    parts = (300.0 * 60.0 / r, 2e4, found.adhesion[0] * 9e3)
     assert found.transient_var == pytest.approx([sum(part**2 for part in parts) / LOAD**2])
 
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.readings import Direction, Reading, Role
 from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Geometry, Locomotive
@@ -647,6 +648,45 @@ def test_a_covariate_that_is_not_available_goes_away_and_leaves_old_samples_alon
         collected += former.collect(t).to_rows()
     assert dict(collected[0].covariates) == {"relative_humidity_percent": 60.0}
     assert dict(collected[-1].covariates) == {}
+
+
+def test_samples_that_wait_for_late_readings_have_the_channels_of_their_own_time():
+    """The vehicle speed is 50 ms late: channels have moved on when a sample is formed."""
+    late = Instruments(speed_delay=0.05)
+    former = SampleFormer(Locomotive((0.6,), (2e5,), geometry=None), CYCLES, instruments=late)
+    samples = []
+    for t in range(0, 300_000, 10_000):
+        if t % 20_000 == 0 and t >= 60_000:
+            former.add(Reading(t, Role.HUMIDITY, 0, t / 10_000))
+        for role, value in ((W, 17.0), (F, 1e4), (N, 2e5)):
+            former.add(Reading(t, role, 1, value))
+        former.add(Reading(t, V, 0, 10.0))
+        samples += former.collect(t).to_rows()
+    assert len(samples) > 15
+    for s in samples:
+        held = s.t_us // 20_000 * 2
+        wanted = {"relative_humidity_percent": held} if s.t_us >= 60_000 else {}
+        # Of one collection a channel counts only where all of its samples have it.
+        assert dict(s.covariates) == wanted, s.t_us
+
+
+def test_a_former_waits_until_a_wheel_speed_can_be_formed_or_given_up():
+    former = SampleFormer(Locomotive((0.6,), (2e5,), geometry=None), CYCLES)
+    assert former.waits(0)
+    for t in (0, 10_000):
+        former.add(Reading(t, W, 1, 17.0))
+        former.add(Reading(t, V, 0, 10.0))
+    assert former.waits(10_000)  # a central difference needs a third one
+    former.add(Reading(20_000, W, 1, 17.0))
+    assert not former.waits(20_000)
+    assert not former.collect(20_000).to_rows()  # no effort yet
+    for t in range(30_000, 60_000, 10_000):
+        former.add(Reading(t, W, 1, 17.0))
+    newest = former.equations.give_up_us + 10_000
+    assert not former.waits(newest + 1)
+    former.collect(newest + 1)
+    assert former.dropped["no bracket"] == 1
+    assert former.waits(newest + 1)  # the next one is newer than the vehicle speed
 
 
 def test_two_readings_of_one_stamp_count_once_and_the_later_one():
