@@ -58,6 +58,12 @@ def test_a_mean_with_a_part_in_a_gap_is_not_known(middle, window):
     assert np.isnan(TRACE.mean(np.array([middle]), window, GAP)).all()
 
 
+def test_a_mean_may_end_at_the_last_reading_and_begin_after_a_first_one_without_a_value():
+    short = Trace(TIMES[:4], np.array([np.nan, 3.0, 2.0, 6.0]))
+    assert short.mean(np.array([35, 25]), 10, GAP) == pytest.approx([4.0, 2.25])
+    assert np.isnan(short.mean(np.array([36, 5]), 10, GAP)).all()
+
+
 def test_means_are_those_of_each_stamp():
     found = TRACE.mean(np.array([[5, 20], [35, 70]]), 10, GAP)
     assert found == pytest.approx(np.array([[2.0, 2.5], [4.0, np.nan]]), nan_ok=True)
