@@ -1,11 +1,14 @@
 """Channels of the data and their splines: which there are, and what their columns span."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from adhesion_can.diagnosis.regression.channel_splines import (
     Channel,
     ChannelKind,
+    _compute_slip_rate,
     build_channels,
 )
 from adhesion_can.diagnosis.regression.model import EvaluatedModel, RegressionData, evaluate_model
@@ -118,6 +121,13 @@ def test_channels_of_a_drive_are_those_that_vary():
     inner &= np.abs(rate) < np.quantile(np.abs(rate), 0.9)
     assert found["slip_rate"].values[inner] == pytest.approx(rate[inner], rel=1e-6, abs=1e-9)
     assert np.abs(found["slip_rate"].values).max() <= np.quantile(np.abs(rate), 0.9991)
+
+
+@pytest.mark.parametrize(("rows", "rates"), [(0, []), (1, [0.0]), (2, [0.2, 0.2])])
+def test_two_rows_have_a_rate_of_the_slip_and_one_has_none(rows, rates):
+    t_s, slip = np.arange(rows) * 0.1, 0.01 + 0.02 * np.arange(rows)
+    data = SimpleNamespace(column=lambda _: t_s)
+    assert _compute_slip_rate(data, slip) == pytest.approx(np.array(rates))
 
 
 def test_points_in_any_order_have_no_time_and_only_what_all_recordings_have_counts():

@@ -185,6 +185,12 @@ def test_effects_act_in_the_order_of_the_list_whatever_the_order_of_naming():
     assert less.candidates == (b,)
 
 
+@pytest.mark.parametrize("size", [-1e300, 0.0, 1e300])
+def test_any_size_is_plausible_unless_a_vehicle_excludes_it(size):
+    lowest, highest = Candidate(effect_by_id("humidity")).plausible
+    assert lowest < size < highest
+
+
 def test_parameters_stay_within_their_limits():
     candidate = Candidate(effect_by_id("humidity"))
     model = Model(SegmentCurves(CURVE)).with_effect(candidate, (0.0,))
