@@ -24,7 +24,8 @@ from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import effect_by_id
 from adhesion_can.physics.readings import Role
 from adhesion_can.sampling.traces import Trace
-from tests.diagnosis.diagnosis_helpers import C1, C2, C3, SyntheticDrive
+from tests.diagnosis.diagnosis_helpers import C1, C2, C3, SyntheticDrive, build_table_drive
+from tests.diagnosis.test_slip_noise import true_contact
 
 CURVE = SegmentCurves(np.array([[C1, np.log(C2), C3]]))
 BLOCK_S = 4.0
@@ -228,3 +229,23 @@ def test_signatures_are_those_at_the_corrected_slips(prepared):
             regression.slip_correction,
         )
         assert signature[:, 0] == pytest.approx(wanted, rel=1e-9, abs=1e-15)
+
+
+def test_the_slips_of_a_table_have_the_noise_that_rows_show_which_decide():
+    """A third is held out, and reads its slips with five times the noise."""
+    rows, std = 4500, 2e-3
+    t_s, slip, adhesion, speed = true_contact(rows)
+    rng = np.random.default_rng(2)
+    held = np.arange(rows) % 900 >= 600
+    read = slip + np.where(held, 5.0, 1.0) * std * rng.standard_normal(rows)
+    drive = build_table_drive(read, adhesion + 0.005 * rng.standard_normal(rows), t_s, speed=speed)
+    data = RegressionData((drive,), np.zeros(rows, dtype=np.int64), 1)
+    number = number_blocks(drive.t_s, 12.0)
+    block = np.where(held, -1 - number, number)
+    start = SegmentCurves(np.array([[1.0, np.log(25.0), 0.5]]))
+    regression = prepare_regression(data, start, block, (), 12.0).regression
+    steep = np.abs(read) < 0.005
+    share = regression.slip_variance_share[steep]
+    by_slip = (24.0 * std) ** 2
+    assert np.median(share) == pytest.approx(by_slip / (by_slip + 0.005**2), abs=0.05)
+    assert not regression.speed_error_design.size

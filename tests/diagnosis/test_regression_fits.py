@@ -7,9 +7,15 @@ import pytest
 from scipy.optimize import least_squares
 
 from adhesion_can.diagnosis.regression.candidate import Candidate
+from adhesion_can.diagnosis.regression.gram_matrices import BlockGramMatrices
 from adhesion_can.diagnosis.regression.model import Model, RegressionData, evaluate_model
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
-from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
+from adhesion_can.diagnosis.regression.whitened_regression import (
+    FittedModel,
+    WhitenedRegression,
+    _sandwich_covariance,
+    fit_model,
+)
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
 from adhesion_can.physics.effects import effect_by_id
 from tests.diagnosis.diagnosis_helpers import C1, C2, C3, build_table_drive, burckhardt
@@ -109,3 +115,54 @@ def test_stated_errors_cover_the_truth():
         covered.append(np.abs(found.model.parameter_vector - truth) < 1.96 * std)
     share = np.mean(covered, axis=0)
     assert (share >= 0.8).all()
+
+
+def blocks_of(columns, residual, size):
+    """Gram matrices of blocks of so many rows, the residual last."""
+    whole = np.column_stack([columns, residual])
+    parts = whole.reshape(-1, size, whole.shape[1])
+    return BlockGramMatrices(
+        np.array([part.T @ part for part in parts]), np.full(len(parts), float(size))
+    )
+
+
+def test_a_residual_that_no_block_explains_has_the_covariance_of_least_squares():
+    """G⁻¹ times the sum of squares over the rows less the parameters; in any unit of a column."""
+    rng = np.random.default_rng(7)
+    columns, residual = rng.standard_normal((60, 3)) @ rng.standard_normal((3, 3)), np.zeros(60)
+    for first in range(0, 60, 10):
+        own = slice(first, first + 10)
+        noise = rng.standard_normal(10)
+        residual[own] = noise - columns[own] @ np.linalg.lstsq(columns[own], noise, rcond=None)[0]
+    wanted = np.linalg.inv(columns.T @ columns) * (residual @ residual) / 57.0
+    found = _sandwich_covariance(blocks_of(columns, residual, 10))
+    assert found == pytest.approx(wanted, rel=1e-6)
+    units = np.array([1e-7, 1.0, 1e6])
+    found = _sandwich_covariance(blocks_of(columns * units, residual, 10))
+    assert found * np.outer(units, units) == pytest.approx(wanted, rel=1e-6)
+    idle = _sandwich_covariance(blocks_of(np.column_stack([columns, 0 * residual]), residual, 10))
+    assert idle[:3, :3] == pytest.approx(wanted * 57.0 / 56.0, rel=1e-6)
+
+
+def test_blocks_that_err_together_widen_it_and_leave_the_correlations():
+    """Of a mean with an error of each block: the variance of the blocks over their number."""
+    rng = np.random.default_rng(8)
+    level = np.repeat(rng.standard_normal(40), 25)
+    residual = level - level.mean()
+    slope = np.tile(np.linspace(-1.0, 2.0, 25), 40)
+    found = _sandwich_covariance(blocks_of(np.column_stack([np.ones(1000), slope]), residual, 25))
+    (alone,) = _sandwich_covariance(blocks_of(np.ones((1000, 1)), residual, 25)).ravel()
+    assert alone == pytest.approx(np.var(residual[::25], ddof=1) / 40, rel=1e-6)
+    columns = np.column_stack([np.ones(1000), slope])
+    plain = np.linalg.inv(columns.T @ columns)
+    correlation = found[0, 1] / np.sqrt(found[0, 0] * found[1, 1])
+    assert correlation == pytest.approx(plain[0, 1] / np.sqrt(plain[0, 0] * plain[1, 1]), rel=1e-6)
+
+
+def test_a_size_counts_in_its_standard_deviations():
+    model = Model(SegmentCurves(CURVE)).with_effect(Candidate(effect_by_id("humidity")), (-0.004,))
+    grams = BlockGramMatrices(np.eye(5)[None], np.ones(1))
+    fitted = FittedModel(model, grams, np.diag([1.0, 1.0, 1.0, 1e-6]), np.ones(4, dtype=bool))
+    assert fitted.size_in_deviations(0) == pytest.approx(4.0)
+    exact = replace(fitted, covariance=np.zeros((4, 4)))
+    assert exact.size_in_deviations(0) == np.inf
