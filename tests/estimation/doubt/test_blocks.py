@@ -117,7 +117,7 @@ def test_a_change_is_awaited_while_one_block_alone_is_after_the_latest_candidate
         series.append(block)
         seen.append(series.awaits_change)
     assert seen == [False, True, False, False]
-    # A later candidate begins anew.
+    # With a later candidate it starts again.
     series.add_candidate()
     series.append(blocks[6])
     assert series.awaits_change
