@@ -153,8 +153,9 @@ def test_rows_too_far_apart_show_no_short_delay_and_no_short_length():
 
 
 def test_rows_further_apart_than_a_pause_forget():
-    _, reasons = answers(Drive(step_s=0.99, speed=0.1))
-    assert "adhesion_recovery" not in reasons
+    for step_s in (0.99, 1.0):
+        _, reasons = answers(Drive(step_s=step_s, speed=0.1))
+        assert "adhesion_recovery" not in reasons
     _, reasons = answers(Drive(step_s=1.2, speed=0.1))
     assert "an effect with a memory starts again" in reasons["adhesion_recovery"]
     assert "an effect with a memory starts again" in reasons["contact_heating"]
