@@ -160,9 +160,13 @@ def test_blocks_that_err_together_widen_it_and_leave_the_correlations():
 
 
 def test_a_size_counts_in_its_standard_deviations():
-    model = Model(SegmentCurves(CURVE)).with_effect(Candidate(effect_by_id("humidity")), (-0.004,))
-    grams = BlockGramMatrices(np.eye(5)[None], np.ones(1))
-    fitted = FittedModel(model, grams, np.diag([1.0, 1.0, 1.0, 1e-6]), np.ones(4, dtype=bool))
+    candidate = Candidate(effect_by_id("falling_friction", "polach"))
+    model = Model(SegmentCurves(CURVE)).with_effect(candidate, (0.04, 0.7))
+    grams = BlockGramMatrices(np.eye(6)[None], np.ones(1))
+    covariance = np.diag([1.0, 1.0, 1.0, 1e-4, 9.0])
+    fitted = FittedModel(model, grams, covariance, np.ones(5, dtype=bool))
     assert fitted.size_in_deviations(0) == pytest.approx(4.0)
-    exact = replace(fitted, covariance=np.zeros((4, 4)))
+    exact = replace(fitted, covariance=np.zeros((5, 5)))
     assert exact.size_in_deviations(0) == np.inf
+    nothing = replace(exact, model=exact.model.with_parameters(np.zeros(5)))
+    assert nothing.size_in_deviations(0) == 0.0

@@ -1,5 +1,7 @@
 """The model of the data against formulas written out here, its slopes against differences."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from adhesion_can.diagnosis.regression.model import (
 )
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.physics.effects import EFFECTS, ActiveEffect, effect_by_id
-from adhesion_can.physics.parameter import SearchStart
+from adhesion_can.physics.parameter import Parameter, SearchStart
 from adhesion_can.physics.vehicle import Geometry, Locomotive
 from tests.diagnosis.diagnosis_helpers import (
     C1,
@@ -189,6 +191,20 @@ def test_effects_act_in_the_order_of_the_list_whatever_the_order_of_naming():
 def test_any_size_is_plausible_unless_a_vehicle_excludes_it(size):
     lowest, highest = Candidate(effect_by_id("humidity")).plausible
     assert lowest < size < highest
+
+
+def test_a_search_steps_through_the_starts_of_all_parameters_together():
+    """One with fewer of them stays at its last; none leaves its range."""
+    size = Parameter("size", "1", 0.2, -1.0, 1.0, "size")
+    short = Parameter("short", "s", 2.0, 0.1, 60.0, "one start", starts=(1.0,))
+    long = Parameter("long", "s", 10.0, 5.0, 20.0, "three of them", starts=(0.3, 1.0, 3.0))
+    effect = SimpleNamespace(parameters=(size, short, long))
+    wanted = ((0.0, 2.0, 5.0), (0.0, 2.0, 10.0), (0.0, 2.0, 20.0))
+    assert Candidate(effect).start_values == wanted
+    given = Candidate(effect, starts=((3.0, 7.0), (4.0, 8.0)))
+    assert given.start_values == ((0.0, 3.0, 7.0), (0.0, 4.0, 8.0))
+    assert given.null_values == (0.0, 4.0, 8.0)
+    assert Candidate(SimpleNamespace(parameters=(size,))).start_values == ((0.0,),)
 
 
 def test_parameters_stay_within_their_limits():
