@@ -1,5 +1,6 @@
 """Channels and waves that a residual depends on, of tables that were made with them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from adhesion_can.diagnosis.inference.find_residual_channels import (
     find_residual_channels,
     find_wave,
 )
+from adhesion_can.diagnosis.inference.hold_out_gain import evaluate_hold_out
 from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.gram_matrices import BlockGramMatrices
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
@@ -99,6 +101,23 @@ def test_few_rows_and_points_have_no_wave():
         at = evaluate_model(regression.data, CURVE.curves)
         found = find_wave(regression, CURVE, at, np.random.default_rng(1))
         assert (found is None) == (rows < 1000)
+
+
+@pytest.mark.parametrize("other_drives", [False, True])
+def test_held_out_rows_lose_what_a_channel_predicts(other_drives):
+    """With the channel from the rows that decide, only the noise is left of those held out."""
+    regression = regression_of(lambda dew, _: 1.0 + 0.15 * dew**2)
+    number = regression.block
+    regression = replace(regression, block=np.where(number // 2 % 3 == 1, -1 - number, number))
+    fitted = fit_model(regression, CURVE)
+    found = find_residual_channels(regression, fitted, 0.01, np.random.default_rng(7))
+    dew = next(one for one in found if one.channel.name == "dew")
+    result = evaluate_hold_out(
+        regression, fitted.model, fitted.model, dew, other_drives=other_drives
+    )
+    assert result.rows.tolist() == np.flatnonzero(regression.block < 0).tolist()
+    assert np.sqrt(np.mean(result.after**2)) == pytest.approx(STD, rel=0.1)
+    assert np.sqrt(np.mean(result.before**2)) > 1.5 * STD
 
 
 # ------------------------------------------------------------------- the size of one effect
