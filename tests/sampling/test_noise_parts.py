@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from adhesion_can.sampling.noise import (
     STRIDES,
     NoiseEstimate,
     _duration,
     _fit_parts,
+    _lags,
     _without_motion,
     estimate_signal,
     pool,
@@ -73,6 +75,18 @@ def lasting_shape(strides, cycle_s, lasts_s):
     weights = np.array([1.0, -3.0, 3.0, -1.0])
     lags = np.abs(np.arange(4)[:, None] - np.arange(4))
     return np.array([weights @ one**lags @ weights for one in rho]) / 20.0
+
+
+def test_variances_of_a_process_that_lasts_are_those_of_third_differences():
+    """Second ones would be larger by a tenth; the scatter of ten recordings is 1 %."""
+    rho = np.exp(-0.02 / 0.3)
+    noise = np.random.default_rng(11).standard_normal((10, 40_000)) * np.sqrt(1.0 - rho**2)
+    value = lfilter([1.0], [1.0, -rho], noise, axis=1)
+    t_s = np.tile(np.arange(40_000) * 0.02, (10, 1))
+    strides, found = _lags(t_s, value, 0.02)
+    wanted = lasting_shape(strides[:2], 0.02, 0.3)
+    assert strides[:2].tolist() == [1.0, 2.0]
+    assert found[:2] == pytest.approx(wanted, rel=0.05)
 
 
 @pytest.mark.parametrize(("white", "lasting"), [(4.0, 9.0), (0.0, 2.0), (3.0, 0.0)])
