@@ -7,6 +7,7 @@ import pytest
 
 from adhesion_can.diagnosis.inference.curve_shape import (
     FREE,
+    _has_fewer_causes,
     choose_families,
     drop_doubtful_effects,
 )
@@ -259,6 +260,32 @@ def test_a_family_that_is_better_with_the_effects_may_have_as_many():
     best = scored(9.0, 0.9, [HUMIDITY])
     found = chosen([family(MAGIC, 9.5, 8.0, 0.95, 0.8)], best=best)
     assert found == [("magic_formula", MOST_EFFECTS)]
+
+
+SCALE = effect("speed_scale")
+
+
+@pytest.mark.parametrize(
+    ("before", "beside", "fewer"),
+    [
+        ([HUMIDITY, SANDING], [], True),
+        ([HUMIDITY], [], False),  # the shape is a cause as well
+        ([SCALE], [], True),  # of an error of the instruments less
+        ([SCALE, HUMIDITY], [SCALE], False),
+        ([SCALE, HUMIDITY], [HUMIDITY], True),
+        ([HUMIDITY, SANDING], [SCALE], False),
+        ([SCALE], [HUMIDITY], False),
+    ],
+)
+def test_a_shape_has_fewer_causes_by_one_cause_or_one_error_of_the_instruments(
+    before, beside, fewer
+):
+    effects = scored(candidates=before)
+    assert _has_fewer_causes(effects, scored(candidates=beside)) is fewer
+    # As good as the effects it must be, in the adhesion and in the blocks.
+    assert _has_fewer_causes(effects, scored(rmse=1.019, candidates=beside)) is fewer
+    assert not _has_fewer_causes(effects, scored(rmse=1.021, candidates=beside))
+    assert not _has_fewer_causes(effects, scored(10.1, candidates=beside))
 
 
 # ------------------------------------------------------------------- effects beside a shape
