@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from adhesion_can.diagnosis.gain_result import Gain
+from adhesion_can.diagnosis.gain_result import Gain, GainMethod
 from adhesion_can.diagnosis.inference.hold_out_gain import (
     HoldOutResult,
     HoldOutUnits,
+    _compute_gains,
     compute_gain,
     evaluate_hold_out,
     gain_interval,
@@ -266,3 +267,18 @@ def test_another_drive_has_a_surface_of_its_own():
     assert np.std(own_surface.after) == pytest.approx(0.02, rel=0.1)
     assert np.std(own_surface.before) > 1.5 * np.std(own_surface.after)
     assert np.std(same_surface.after) > 0.1
+
+
+def test_where_an_effect_acts_in_some_units_there_is_a_second_interval():
+    """The same gain, and the interval of these very data; none where less than two units act."""
+    for acting, methods in (
+        (4, [GainMethod.PLAIN, GainMethod.WHERE_IT_ACTS]), (1, [GainMethod.PLAIN])
+    ):  # fmt: skip
+        before, after, unit = acting_in_a_few(np.random.default_rng(3), acting=acting)
+        result = HoldOutResult(np.arange(len(unit)), before, after)
+        units = HoldOutUnits(unit, "blocks", ())
+        gains = list(_compute_gains(result, units, 0.5, GainMethod.PLAIN))
+        assert [gain.method for gain in gains] == methods
+        assert len({gain.percent for gain in gains}) == 1
+        if acting > 1:
+            assert gains[1].interval == interval_where_it_acts(before, after, unit)

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from adhesion_can.api.diagnosis import diagnose
-from adhesion_can.diagnosis.inference.noise_averaging import Reversed
-from adhesion_can.physics.effects import Contact, LagStates, effect_by_id
 from tests.diagnosis.diagnosis_helpers import burckhardt, write_table
 
 STEP_S, SPEED = 0.02, 15.0
@@ -52,22 +50,6 @@ def test_a_contact_that_lags_is_named(tmp_path):
         ]
     assert len(lengths) >= 3
     assert np.median(lengths) == pytest.approx(0.8, rel=0.15)
-
-
-def test_backwards_in_time_is_the_mirror_image():
-    effect = effect_by_id("creep_relaxation")
-    rng = np.random.default_rng(1)
-    n = 300
-    t = np.cumsum(rng.uniform(0.005, 0.02, n))
-    slip, rows = 0.05 * np.sin(7 * t), np.ones(n)
-    contact = Contact(slip, slip * 10, 10 * rows, 1e5 * rows, t, rows, rows, 0.2 * rows)
-    mirrored = Contact(
-        slip[::-1], slip[::-1] * 10, 10 * rows, 1e5 * rows, -t[::-1], rows, rows, 0.2 * rows
-    )
-    back = Reversed(effect).change(contact, (0.5,), LagStates()).slip
-    forward = effect.change(mirrored, (0.5,), LagStates()).slip
-    np.testing.assert_array_equal(back, forward[::-1])
-    assert not np.allclose(back, effect.change(contact, (0.5,), LagStates()).slip)
 
 
 def delayed(path, seed, noise):

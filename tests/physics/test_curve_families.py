@@ -11,6 +11,7 @@ from adhesion_can.physics.burckhardt import adhesion, adhesion_full, peak
 from adhesion_can.physics.contact_stiffness import initial_stiffness
 from adhesion_can.physics.curves import FAMILIES, Conditions, bounds, family_by_name
 from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.curves.peak_search import rough_peak
 from adhesion_can.physics.curves.same_peak import burckhardt_with_same_peak
 from adhesion_can.physics.curves.surfaces import POLACH_RAIL
 from adhesion_can.physics.samples import Samples
@@ -146,6 +147,14 @@ def test_starts_lie_within_the_bounds_and_near_the_points(family, theta):
     assert min(abs(np.log(places))) < np.log(2.0)
 
 
+def test_a_rough_peak_of_points_at_rest_and_at_one_slip_has_the_slope_of_the_line_between():
+    slip = np.repeat([0.0, 0.5], 30)
+    found = rough_peak(slip * np.tile([1.0, -1.0], 30), 0.3 * np.sign(slip * np.tile([1, -1], 30)))
+    assert found == pytest.approx((0.3, 0.5, 0.6))
+    flat = rough_peak(np.zeros(60), np.zeros(60))
+    assert all(number > 0.0 for number in flat)
+
+
 def test_polach_is_the_formula_of_2005():
     load, speed, (k_a, k_s, mu0, left, rate) = 1.6e5, 12.0, (0.7, 0.3, 0.45, 0.35, 0.5)
     stiffness = float(initial_stiffness(load, 0.625, 0.5))
@@ -166,6 +175,23 @@ def test_the_magic_formula_is_that_of_1987():
         mu = d * sin(c * atan(x - e * (x - atan(x))))
         found = float(FAMILIES["magic_formula"].adhesion(slip, values, Conditions(10.0)))
         assert found == pytest.approx(mu, rel=1e-12)
+
+
+def test_levels_and_stiffnesses_of_a_curve_are_above_0_and_priors_within_the_bounds():
+    """A fit moves their logarithms; what may be 0 is a fall, a share, a shape of the free curve."""
+    zero = {"c3", "c4", "A", "B", "kappa", "r12", "q3", "p3", "p12"}
+    for family in FAMILIES.values():
+        for one in family.parameters:
+            if family.name == "magic_formula":
+                assert one.lower > 0.0 or one.name == "E"
+            else:
+                assert (one.lower == 0.0) == (one.name in zero), (family.name, one.name)
+                assert one.lower >= 0.0, (family.name, one.name)
+            assert one.lower < one.typical < one.upper
+            if family.prior_weight:
+                assert one.lower <= one.prior.mean <= one.upper, (family.name, one.name)
+                assert one.prior.std > 0.0
+                assert one.prior.logarithmic <= (one.lower > 0.0 or one.name in {"c3", "c4", "B"})
 
 
 def test_the_values_of_the_free_curve_are_what_their_names_say():

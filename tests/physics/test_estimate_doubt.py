@@ -1,4 +1,4 @@
-"""The doubt of an estimate in its JSON."""
+"""The doubt of an estimate in its JSON, and whether its curve has a peak."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
-from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate, has_peak
 
 
 def estimate(**doubt):
@@ -46,3 +46,12 @@ def test_a_doubt_stands_in_json_by_its_name_and_changes_nothing_else(doubt, name
 def test_every_doubt_has_a_sentence_and_none_has_not():
     assert set(DESCRIPTIONS) == set(Doubt) - {Doubt.NONE, Doubt.NOT_AVAILABLE}
     assert all(text and text[-1] != "." for text in DESCRIPTIONS.values())
+
+
+@pytest.mark.parametrize(
+    ("mu_max", "lambda_m", "wanted"),
+    [(0.3, 0.02, True), (1e-6, 1e-6, True), (0.0, 0.02, False), (0.3, 0.0, False),
+     (-0.1, 0.02, False), (0.3, -0.02, False)],
+)  # fmt: skip
+def test_a_flat_curve_and_one_that_falls_from_the_start_have_no_peak(mu_max, lambda_m, wanted):
+    assert has_peak(PeakEstimate(mu_max, lambda_m, 0.01, 0.01)) is wanted

@@ -1,6 +1,5 @@
 """Samples from readings, against a batch computation that sees everything at once."""
 
-import tracemalloc
 from bisect import bisect_left
 from dataclasses import replace
 
@@ -9,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adhesion_can.physics.instruments import Instruments
 from adhesion_can.physics.readings import Direction, Reading, Role
 from adhesion_can.physics.samples import Sample
 from adhesion_can.physics.vehicle import Geometry, Locomotive
-from adhesion_can.sampling.equations import SamplingSettings, Sensors
+from adhesion_can.sampling.equations import SamplingSettings
 from adhesion_can.sampling.former import SampleFormer
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
@@ -650,56 +650,43 @@ def test_a_covariate_that_is_not_available_goes_away_and_leaves_old_samples_alon
     assert dict(collected[-1].covariates) == {}
 
 
-@pytest.mark.parametrize("when", ["never", "stops"])
-@pytest.mark.parametrize("silent", [W, V, F, (W, 2), (F, 2)], ids=str)
-def test_memory_stays_bounded_when_an_input_is_silent(silent, when):
-    vehicle = Locomotive(wheel_radius=(0.6, 0.6), axle_load=(2e5, 2e5), geometry=None)
-    former = SampleFormer(vehicle, CYCLES)
-    stop_us = 0 if when == "never" else 500_000
-
-    def run(first, last):
-        for k in range(first, last):
-            t = 10_000 * k
-            for role, axle in ((V, 0), (W, 1), (W, 2), (F, 1), (F, 2), (N, 1), (N, 2)):
-                if t < stop_us or silent not in (role, (role, axle)):
-                    former.add(Reading(t, role, axle, 2e5 if role is N else 15.0 + k % 7))
-            if k % 2:
-                former.collect(t).to_rows()
-
-    run(0, 400)
-    # CPython keeps some freed tuples of each length for later: they are no growth of ours.
-    spare = [tuple([k] * length) for length in range(1, 21) for k in range(2100)]
-    del spare
-    tracemalloc.start()
-    try:
-        run(400, 500)
-        before = tracemalloc.get_traced_memory()[0]
-        run(500, 3000)
-        grown = tracemalloc.get_traced_memory()[0] - before
-    finally:
-        tracemalloc.stop()
-    assert grown < 40_000  # 25 s; what is kept for ever comes to some hundred kB
+def test_samples_that_wait_for_late_readings_have_the_channels_of_their_own_time():
+    """The vehicle speed is 50 ms late: channels have moved on when a sample is formed."""
+    late = Instruments(speed_delay=0.05)
+    former = SampleFormer(Locomotive((0.6,), (2e5,), geometry=None), CYCLES, instruments=late)
+    samples = []
+    for t in range(0, 300_000, 10_000):
+        if t % 20_000 == 0 and t >= 60_000:
+            former.add(Reading(t, Role.HUMIDITY, 0, t / 10_000))
+        for role, value in ((W, 17.0), (F, 1e4), (N, 2e5)):
+            former.add(Reading(t, role, 1, value))
+        former.add(Reading(t, V, 0, 10.0))
+        samples += former.collect(t).to_rows()
+    assert len(samples) > 15
+    for s in samples:
+        held = s.t_us // 20_000 * 2
+        wanted = {"relative_humidity_percent": held} if s.t_us >= 60_000 else {}
+        # Of one collection a channel counts only where all of its samples have it.
+        assert dict(s.covariates) == wanted, s.t_us
 
 
-@pytest.mark.parametrize("what", ["slip", "adhesion"])
-def test_stated_variances_are_those_of_a_monte_carlo(what):
-    # Noise of the stated size on the readings of one moment; loads known.
-    rng = np.random.default_rng(13)
-    vehicle = Locomotive(wheel_radius=(0.6,), axle_load=(2e5,), geometry=None)
-    noise = Sensors(wheel_speed_std=0.01, vehicle_speed_std=0.02, effort_std=3e3)
-    seen = []
-    for _ in range(3000):
-        former = SampleFormer(vehicle, CYCLES, sensors=noise)
-        for t in (0, 10_000, 20_000):
-            former.add(Reading(t, N, 1, 2e5))
-            former.add(Reading(t, V, 0, 8.0 + 0.02 * rng.standard_normal()))
-            former.add(Reading(t, W, 1, 15.0 + 0.01 * rng.standard_normal()))
-            former.add(Reading(t, F, 1, 4e4 + 3e3 * rng.standard_normal()))
-        seen += former.collect(20_000).to_rows()
-    assert len(seen) == 3000
-    parts = {"slip": ("slip_var", "slip_common_var"), "adhesion": ("adhesion_var",)}[what]
-    stated = sum(np.mean([getattr(s, part) for s in seen]) for part in parts)
-    assert np.var([getattr(s, what) for s in seen]) == pytest.approx(stated, rel=0.1)
+def test_a_former_waits_until_a_wheel_speed_can_be_formed_or_given_up():
+    former = SampleFormer(Locomotive((0.6,), (2e5,), geometry=None), CYCLES)
+    assert former.waits(0)
+    for t in (0, 10_000):
+        former.add(Reading(t, W, 1, 17.0))
+        former.add(Reading(t, V, 0, 10.0))
+    assert former.waits(10_000)  # a central difference needs a third one
+    former.add(Reading(20_000, W, 1, 17.0))
+    assert not former.waits(20_000)
+    assert not former.collect(20_000).to_rows()  # no effort yet
+    for t in range(30_000, 60_000, 10_000):
+        former.add(Reading(t, W, 1, 17.0))
+    newest = former.equations.give_up_us + 10_000
+    assert not former.waits(newest + 1)
+    former.collect(newest + 1)
+    assert former.dropped["no bracket"] == 1
+    assert former.waits(newest + 1)  # the next one is newer than the vehicle speed
 
 
 def test_two_readings_of_one_stamp_count_once_and_the_later_one():

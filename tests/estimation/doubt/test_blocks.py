@@ -1,5 +1,7 @@
 """Blocks of a drive: merged, linearised, and carried over a change of the surface."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -91,3 +93,80 @@ def test_the_series_stays_of_bounded_length() -> None:
     for k in range(MOST * 10):
         series.append(blocks[k % len(blocks)])
         assert len(series) <= MOST
+
+
+def test_changes_wait_at_most_four_at_a_time_each_once_and_none_before_the_first_block() -> None:
+    blocks = make_blocks(make_samples(np.random.default_rng(6), 8))
+    series = BlockSeries(len(DIRECTIONS))
+    series.add_candidate()
+    assert series.candidates == []
+    for block in blocks[:7]:
+        series.append(block)
+        series.add_candidate()
+        series.add_candidate()
+    assert series.candidates == [4, 5, 6, 7]
+
+
+def test_a_change_is_awaited_while_one_block_alone_is_after_the_latest_candidate() -> None:
+    blocks = make_blocks(make_samples(np.random.default_rng(6), 8))
+    series = series_of(blocks[:3])
+    assert not series.awaits_change
+    series.add_candidate()
+    seen = [series.awaits_change]
+    for block in blocks[3:6]:
+        series.append(block)
+        seen.append(series.awaits_change)
+    assert seen == [False, True, False, False]
+    # With a later candidate it starts again.
+    series.add_candidate()
+    series.append(blocks[6])
+    assert series.awaits_change
+
+
+def test_candidates_keep_their_places_when_blocks_before_them_go() -> None:
+    blocks = make_blocks(make_samples(np.random.default_rng(7), MOST + 1))
+    series = series_of(blocks[:10])
+    series.add_candidate()
+    series.append(blocks[10])
+    series.add_candidate()
+    series.end_surface(10, PooledCurve(THETA))
+    assert series.candidates == [1]
+    assert len(series.blocks) == 1
+    assert len(series) == 11
+    series.block_s = 8.0
+    for block in blocks[11:MOST]:
+        series.append(block)
+    # The oldest blocks, those of the surface before, go first.
+    assert len(series) == MOST - 1
+    assert series.candidates == [1]
+    fresh = series_of(blocks[: MOST - 1])
+    fresh.block_s = 8.0
+    fresh.add_candidate()
+    fresh.append(blocks[-1])
+    assert len(fresh) == MOST - 1
+    assert fresh.candidates == [MOST - 2]
+
+
+def test_what_errors_of_the_slips_add_is_carried_over_a_change_as_the_sums_are() -> None:
+    """Projected onto the same tangents; with it the sums of both surfaces are positive again."""
+    samples = make_samples(np.random.default_rng(8), 20)
+    noisy = replace(samples, slip_var=np.full(len(samples), 1e-5))
+    series = series_of(make_blocks(noisy))
+    before = series.reduced(PooledCurve(THETA))
+    series.end_surface(20, PooledCurve(THETA))
+    after = series.reduced(PooledCurve(THETA))
+    assert after.current == 0
+    assert after.curve_square == pytest.approx(before.curve_square)
+    gram, rest = before.grams.sum(axis=0), slice(TANGENTS, None)
+    onto = np.linalg.solve(gram[:TANGENTS, :TANGENTS], gram[:TANGENTS, rest])
+    left = np.vstack([-onto, np.eye(len(gram) - TANGENTS)])
+    wanted = left.T @ before.dilution @ left
+    place = CURVE - TANGENTS + NAMES.index(TIME)
+    wanted[place], wanted[:, place] = 0.0, 0.0
+    scale = np.sqrt(np.abs(np.outer(wanted.diagonal(), wanted.diagonal()))) + 1e-9
+    assert after.dilution[rest, rest] / scale == pytest.approx(wanted / scale, abs=1e-6)
+    whole = left.T @ gram @ left
+    whole[place], whole[:, place] = 0.0, 0.0
+    scale = np.sqrt(np.abs(np.outer(whole.diagonal(), whole.diagonal()))) + 1e-9
+    found = after.grams.sum(axis=0)[rest, rest]
+    assert found / scale == pytest.approx(whole / scale, abs=1e-6)

@@ -53,3 +53,17 @@ def test_tangents_are_derivatives_of_the_curve() -> None:
         moved = tuple(c + step * (j == k) for j, c in enumerate(theta))
         change = (curve(moved, slip_basis.GRID) - curve(theta, slip_basis.GRID)) / step
         assert values @ linear.changes[:, k] == pytest.approx(change, abs=2e-3 * abs(change).max())
+
+
+def test_bumps_stand_side_by_side_about_the_peak_and_have_its_height() -> None:
+    """In ln λ, 0.35 apart and 0.25 wide; eleven of them add up to a constant in their middle."""
+    pooled = PooledCurve(CURVES[0])
+    shown = slip_basis.grid_values() @ linearise(pooled).changes[:, 3:]
+    place = np.log(slip_basis.GRID[1:] / pooled.lambda_m)
+    for k in range(11):
+        distance = (place - (k - 5) * 0.35) / 0.25
+        wanted = pooled.mu_max * np.exp(-0.5 * distance**2)
+        assert shown[1:, k] == pytest.approx(wanted, abs=0.05 * pooled.mu_max), k
+    middle = np.abs(place) < 1.0
+    total = shown[1:].sum(axis=1)[middle] / pooled.mu_max
+    assert total == pytest.approx(np.full(middle.sum(), 0.25 / 0.35 * np.sqrt(2 * np.pi)), rel=0.02)
