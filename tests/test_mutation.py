@@ -2,6 +2,7 @@
 
 import ast
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,10 @@ SETTINGS = tomllib.loads((ROOT / "tools" / "mutation.toml").read_text())
 
 
 def lines_of(module, where):
-    """Lines of a function or class by its qualified name, '' for the whole module, stripped."""
+    """Lines of a function or class by its qualified name, '' for the whole module, stripped.
+
+    A difference between two texts may take a line and the one before it: those are there, too.
+    """
     text = (ROOT / module).read_text()
     node = ast.parse(text)
     for name in filter(None, where.split(".")):
@@ -20,7 +24,8 @@ def lines_of(module, where):
     if where:
         first = min([node.lineno, *(one.lineno for one in node.decorator_list)])
         lines = lines[first - 1 : node.end_lineno]
-    return [line.strip() for line in lines]
+    lines = [line.strip() for line in lines]
+    return [*lines, *map(" ".join, pairwise(lines))]
 
 
 def test_every_module_and_every_test_is_there():
