@@ -87,8 +87,9 @@ def find_confirmed(
         except InputError as error:
             pass_over(error)
             continue
-        is_new = until_us is not None and now_us - until_us <= most_age_s * 1e6
-        if until_us is not None and is_new and not set(in_use).issuperset(model.names):
+        if until_us is None or now_us - until_us > most_age_s * 1e6:
+            continue
+        if not set(in_use).issuperset(model.names):
             known.append((until_us, _from_file(path, model)))
     return max(known, key=lambda one: one[0])[1] if known else None
 
