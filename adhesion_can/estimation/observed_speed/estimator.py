@@ -1,0 +1,87 @@
+"""Stage in front of an estimator whose samples get the vehicle speed that the wheels show."""
+
+from copy import deepcopy
+from dataclasses import dataclass, replace
+
+from adhesion_can.estimation.estimator import Estimator, ReplacingStage
+from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.estimation.observed_speed.speed_observer import ObservedBlock, SpeedObserver
+from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.objection import Objection
+from adhesion_can.physics.samples import NO_SAMPLES, Samples
+from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.values import Value
+
+
+@dataclass(frozen=True, slots=True)
+class _Unused(Value):
+    """An estimator that has had no samples; it is copied before it gets some."""
+
+    estimator: Estimator
+
+
+class ObservedSpeedEstimator(ReplacingStage):
+    """Estimator whose samples get an observed vehicle speed.
+
+    Until the slips are known for the first time, samples reach the estimator all the same, since
+    numbers of LOW_EXCITATION are what a careful drive begins with; then it begins anew. Later the
+    samples of unknown slips are left out, and the estimate stays as it was.
+
+    Args:
+        inner: Estimator of the curve, which has had no samples.
+        vehicle: Vehicle that the samples come from.
+        settings: Settings of the filter.
+        cycle_us: Cycle of the wheel speeds, µs.
+
+    """
+
+    def __init__(
+        self,
+        inner: Estimator,
+        vehicle: Locomotive,
+        settings: ObservedSpeedSettings,
+        cycle_us: int,
+    ) -> None:
+        super().__init__(inner)
+        self._observer = SpeedObserver(vehicle, settings, cycle_us)
+        self._unused: _Unused | None = _Unused(deepcopy(inner))
+        """Estimator for the first known slips; None once there were some."""
+        self._objection = Objection.NO_RELIEF
+        """Why the estimate does not rest on known slips; none where it does."""
+        self._block: ObservedBlock | None = None
+        self._given: Estimate | None = None
+        self._current: Estimate | None = None
+
+    def update(self, samples: Samples, now_us: int) -> Estimate | None:
+        """Process samples, as `Estimator.update` defines it."""
+        self.used = self._use(samples) if len(samples) else NO_SAMPLES
+        given, block = self.inner.update(self.used, now_us), self._observer.block
+        if given is not self._given or block is not self._block:
+            self._given, self._block = given, block
+            self._current = None if given is None else self._vouched(given, block)
+        return self._current
+
+    def _use(self, samples: Samples) -> Samples:
+        """Samples for the estimator; with the first known slips it begins anew."""
+        parts: list[Samples] = []
+        for found in self._observer.add(samples):
+            if found.is_known and self._unused is not None:
+                self.inner, self._unused = deepcopy(self._unused.estimator), None
+                parts = []
+            if found.is_known or self._unused is not None:
+                parts.append(found.samples)
+            if found.is_known:
+                self._objection = Objection.NONE
+        block = self._observer.block
+        if block is None:
+            self._objection = Objection.NO_RELIEF
+        elif block.objection is not Objection.NONE:
+            self._objection = block.objection
+        return Samples.concatenate(parts) if parts else NO_SAMPLES
+
+    def _vouched(self, estimate: Estimate, block: ObservedBlock | None) -> Estimate:
+        """The estimate with the observed speed, and with the objection to it."""
+        if self._objection is not Objection.NONE:
+            # What seems to be a change may be one of the slips alone.
+            estimate = replace(estimate.objected(self._objection), change_probability=0.0)
+        return replace(estimate, observed_speed=None if block is None else block.speed)
