@@ -121,8 +121,8 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
             yield Text(f"{sentence[:1].upper()}{sentence[1:]}.", "magenta")
     if snapshot.is_speed_observed:
         yield Text(
-            "The service observes the vehicle speed by wheels and efforts; it is not on the bus, so "
-            "no slips are shown here."
+            "The service observes the vehicle speed by wheels and efforts; it is not on the bus, "
+            "so no slips are shown here."
         )
     yield from map(Text, snapshot.remarks)
     if service.creep_speed is not None and snapshot.speed is not None:
