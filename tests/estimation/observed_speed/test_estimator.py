@@ -159,6 +159,17 @@ def test_a_copy_goes_its_own_way(known):
     )
 
 
+def test_a_copy_that_is_dropped_leaves_nothing_behind():
+    """Work ahead of a due time is done on a copy, which is dropped where more samples come."""
+    drive = Drive()
+    drive.run(2.0)
+    dropped = deepcopy(drive)
+    for axle in (0, 2, 4):
+        first, second = dropped.relieve(axle), drive.relieve(axle)
+    assert first.objection is Objection.NONE
+    assert second.samples == first.samples
+
+
 def test_a_short_gap_is_bridged_and_a_longer_one_starts_again(known):
     drive = deepcopy(known[0])
     drive.run(0.08, lost=(3,))
