@@ -276,7 +276,7 @@ PEAKS_EACH = 25
 def drive_with_reliefs(simulation: Simulation) -> Iterator[list[Frame]]:
     """Steps of a run in which one axle after the other is relieved of its effort.
 
-    The drive knows vehicle speed and rail, as all simulated drives do; nobody tells the service.
+    The drive knows vehicle speed and rail, as all simulated drives do; its frames carry neither.
 
     Args:
         simulation: Run, whose motors are given over to the drive.

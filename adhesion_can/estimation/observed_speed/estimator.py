@@ -24,7 +24,7 @@ class ObservedSpeedEstimator(ReplacingStage):
     """Estimator whose samples get an observed vehicle speed.
 
     Until the slips are known for the first time, samples reach the estimator all the same, since
-    numbers of LOW_EXCITATION are what a careful drive begins with; then it begins anew. Later the
+    numbers of LOW_EXCITATION are what a careful drive begins with; then it starts again. Later the
     samples of unknown slips are left out, and the estimate stays as it was.
 
     Args:
@@ -62,7 +62,7 @@ class ObservedSpeedEstimator(ReplacingStage):
         return self._current
 
     def _use(self, samples: Samples) -> Samples:
-        """Samples for the estimator; with the first known slips it begins anew."""
+        """Samples for the estimator; with the first known slips it starts again."""
         parts: list[Samples] = []
         for found in self._observer.add(samples):
             if found.is_known and self._unused is not None:

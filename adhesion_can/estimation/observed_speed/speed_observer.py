@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.observed_speed.axle_rows import AxleRows, SampleRow
 from adhesion_can.estimation.observed_speed.filter import ObservedSpeedFilter
 from adhesion_can.estimation.observed_speed.result import ObservedSpeed
-from adhesion_can.estimation.observed_speed.sample_rows import SampleRow, SampleRows
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
@@ -84,7 +84,7 @@ class SpeedObserver(Stateful):
         self._setup = _Setup(vehicle, settings, cycle_us)
         self._radius = np.asarray(vehicle.wheel_radius)
         self._filter = self._setup.make_filter()
-        self._rows = SampleRows(vehicle.axles, cycle_us)
+        self._rows = AxleRows(vehicle.axles, cycle_us)
         self._row_us: float | None = None
         """Stamp of the latest row; None before the first."""
         self._stamps: list[float] = []

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adhesion_can.estimation.observed_speed.axle_rows import AxleRows
 from adhesion_can.estimation.observed_speed.estimator import ObservedSpeedEstimator
-from adhesion_can.estimation.observed_speed.sample_rows import SampleRows
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.estimation.observed_speed.speed_observer import (
     ObservedBlock,
@@ -179,7 +179,7 @@ def test_a_short_gap_is_bridged_and_a_longer_one_starts_again(known):
 
 
 def test_rows_pair_the_samples_of_one_cycle():
-    rows = SampleRows(6, CYCLE_US)
+    rows = AxleRows(6, CYCLE_US)
     slips = np.arange(6) / 1000
     later = replace(row_of(20_000, slips), t_us=np.array([20_000] * 3 + [24_000] * 3))
     assert rows.add(row_of(10_000, slips).select(np.arange(3))) == []

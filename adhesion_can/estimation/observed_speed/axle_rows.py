@@ -28,7 +28,7 @@ class SampleRow:
     load: Array
 
 
-class SampleRows(Stateful):
+class AxleRows(Stateful):
     """Pairs the samples of the axles by their stamps.
 
     Args:
