@@ -1,7 +1,7 @@
 """Everything that a user can set, as one frozen value."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import hypot, sqrt
 from typing import TYPE_CHECKING, Annotated
 
@@ -309,6 +309,21 @@ class Configuration:
             ConfigError: No estimator has that name.
 
         """
+        if not self.observes_speed:
+            return self._make_curve_estimator(name)
+        from adhesion_can.estimation.observed_speed.estimator import (  # noqa: PLC0415
+            ObservedSpeedEstimator,
+        )
+
+        return ObservedSpeedEstimator(
+            partial(self._make_curve_estimator, name),
+            self.vehicle,
+            ObservedSpeedSettings(),
+            cycles_by_role(self.messages)[Role.WHEEL_SPEED],
+        )
+
+    def _make_curve_estimator(self, name: str | None) -> Estimator:
+        """New estimator, without the stage that observes the vehicle speed."""
         make, settings = self.find_estimator(name), self.estimators
         axle_load = sum(self.vehicle.axle_load) / self.vehicle.axles
         settings = replace(settings, instruments=settings.instruments.on_load(axle_load))
@@ -335,18 +350,10 @@ class Configuration:
 
             estimator = ExtendedEstimator(estimator, self.model, self.vehicle.axles, limits)
         plausibility = self.estimators.plausibility
-        if plausibility.enabled:
-            from adhesion_can.estimation.plausibility.estimator import (  # noqa: PLC0415
-                WatchedEstimator,
-            )
-
-            estimator = WatchedEstimator(estimator, self.vehicle, plausibility, limits.slip_max)
-        if not self.observes_speed:
+        if not plausibility.enabled:
             return estimator
-        from adhesion_can.estimation.observed_speed.estimator import (  # noqa: PLC0415
-            ObservedSpeedEstimator,
+        from adhesion_can.estimation.plausibility.estimator import (  # noqa: PLC0415
+            WatchedEstimator,
         )
 
-        cycle_us = cycles_by_role(self.messages)[Role.WHEEL_SPEED]
-        observed = ObservedSpeedSettings()
-        return ObservedSpeedEstimator(estimator, self.vehicle, observed, cycle_us)
+        return WatchedEstimator(estimator, self.vehicle, plausibility, limits.slip_max)

@@ -1,6 +1,6 @@
 """Stage in front of an estimator whose samples get the vehicle speed that the wheels show."""
 
-from copy import deepcopy
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from adhesion_can.estimation.estimator import Estimator, ReplacingStage
@@ -14,10 +14,10 @@ from adhesion_can.values import Value
 
 
 @dataclass(frozen=True, slots=True)
-class _Unused(Value):
-    """An estimator that has had no samples; it is copied before it gets some."""
+class _Maker(Value):
+    """What makes an estimator; copies of the stage share it."""
 
-    estimator: Estimator
+    make: Callable[[], Estimator]
 
 
 class ObservedSpeedEstimator(ReplacingStage):
@@ -28,7 +28,7 @@ class ObservedSpeedEstimator(ReplacingStage):
     samples of unknown slips are left out, and the estimate stays as it was.
 
     Args:
-        inner: Estimator of the curve, which has had no samples.
+        make_inner: Maker of an estimator of the curve.
         vehicle: Vehicle that the samples come from.
         settings: Settings of the filter.
         cycle_us: Cycle of the wheel speeds, µs.
@@ -37,15 +37,16 @@ class ObservedSpeedEstimator(ReplacingStage):
 
     def __init__(
         self,
-        inner: Estimator,
+        make_inner: Callable[[], Estimator],
         vehicle: Locomotive,
         settings: ObservedSpeedSettings,
         cycle_us: int,
     ) -> None:
-        super().__init__(inner)
+        super().__init__(make_inner())
         self._observer = SpeedObserver(vehicle, settings, cycle_us)
-        self._unused: _Unused | None = _Unused(deepcopy(inner))
-        """Estimator for the first known slips; None once there were some."""
+        self._maker = _Maker(make_inner)
+        self._has_begun = False
+        """Whether slips were known once."""
         self._objection = Objection.NO_RELIEF
         """Why the estimate does not rest on known slips; none where it does."""
         self._block: ObservedBlock | None = None
@@ -65,10 +66,10 @@ class ObservedSpeedEstimator(ReplacingStage):
         """Samples for the estimator; with the first known slips it starts again."""
         parts: list[Samples] = []
         for found in self._observer.add(samples):
-            if found.is_known and self._unused is not None:
-                self.inner, self._unused = deepcopy(self._unused.estimator), None
+            if found.is_known and not self._has_begun:
+                self.inner, self._has_begun = self._maker.make(), True
                 parts = []
-            if found.is_known or self._unused is not None:
+            if found.is_known or not self._has_begun:
                 parts.append(found.samples)
             if found.is_known:
                 self._objection = Objection.NONE

@@ -62,7 +62,7 @@ class Drive:
     def __init__(self, seed=0):
         self.rng = np.random.default_rng(seed)
         self.estimator = ObservedSpeedEstimator(
-            Kept(), Locomotive(), ObservedSpeedSettings(), CYCLE_US
+            Kept, Locomotive(), ObservedSpeedSettings(), CYCLE_US
         )
         self.t_us = 0
         self.ramp = np.ones(6)
