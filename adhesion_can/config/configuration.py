@@ -320,6 +320,8 @@ class Configuration:
             self.vehicle,
             ObservedSpeedSettings(),
             cycles_by_role(self.messages)[Role.WHEEL_SPEED],
+            largest_std=self.estimators.identifiability.lambda_m_std,
+            tests_curve=self.find_estimator(name) is make_default and self.estimators.doubt.enabled,
         )
 
     def _make_curve_estimator(self, name: str | None) -> Estimator:

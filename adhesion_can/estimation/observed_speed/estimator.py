@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import hypot, inf
 
 from adhesion_can.estimation.estimator import Estimator, ReplacingStage
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.estimation.observed_speed.speed_observer import ObservedBlock, SpeedObserver
-from adhesion_can.physics.estimate import Estimate
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.physics.vehicle import Locomotive
@@ -27,11 +29,17 @@ class ObservedSpeedEstimator(ReplacingStage):
     numbers of LOW_EXCITATION are what a careful drive begins with; then it starts again. Later the
     samples of unknown slips are left out, and the estimate stays as it was.
 
+    Slips of single axles that are off by their radii look like a peak to a curve that was never
+    tested against the axles. So no peak is identifiable before that, nor where it is at slips that
+    are not much larger than their errors.
+
     Args:
         make_inner: Maker of an estimator of the curve.
         vehicle: Vehicle that the samples come from.
         settings: Settings of the filter.
         cycle_us: Cycle of the wheel speeds, µs.
+        largest_std: Largest relative standard deviation of an identifiable λ_m, 1.
+        tests_curve: Whether the estimator tests its curve, so that it states a doubt or none.
 
     """
 
@@ -41,10 +49,15 @@ class ObservedSpeedEstimator(ReplacingStage):
         vehicle: Locomotive,
         settings: ObservedSpeedSettings,
         cycle_us: int,
+        *,
+        largest_std: float,
+        tests_curve: bool,
     ) -> None:
         super().__init__(make_inner())
         self._observer = SpeedObserver(vehicle, settings, cycle_us)
         self._maker = _Maker(make_inner)
+        self._largest_std = largest_std
+        self._tests_curve = tests_curve
         self._has_begun = False
         """Whether slips were known once."""
         self._objection = Objection.NO_RELIEF
@@ -85,4 +98,15 @@ class ObservedSpeedEstimator(ReplacingStage):
         if self._objection is not Objection.NONE:
             # What seems to be a change may be one of the slips alone.
             estimate = replace(estimate.objected(self._objection), change_probability=0.0)
+        elif block is not None:
+            estimate = self._with_slip_error(estimate, block.slip_std)
         return replace(estimate, observed_speed=None if block is None else block.speed)
+
+    def _with_slip_error(self, estimate: Estimate, slip_std: float) -> Estimate:
+        """The estimate with the errors of the slips in the standard deviation of λ_m."""
+        std = hypot(estimate.lambda_m_std, slip_std)
+        is_tested = estimate.doubt is not Doubt.NOT_AVAILABLE or not self._tests_curve
+        if is_tested and std <= self._largest_std * estimate.lambda_m:
+            return replace(estimate, lambda_m_std=std)
+        unknown = Identifiable(mu_max=False, lambda_m=False)
+        return replace(estimate, mu_max_std=inf, lambda_m_std=inf, identifiable=unknown)

@@ -290,6 +290,7 @@ class ObservedSpeedFilter(Stateful):
             slow_variance=variances[:, SPEED] * speed**2,
             slip=slip,
             slip_std=slip_std,
+            overall_std=overall,
             radius_factor=np.exp(x[:, layout.radii]),
             since_relief_s=self._reliefs.since_relief_s.copy(),
             known=verdict.known,

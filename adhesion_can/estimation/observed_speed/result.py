@@ -20,6 +20,7 @@ class ObservedSpeed(Value):
         slow_variance: Variance of the speed that lasts for seconds and longer, m²/s².
         slip: Slip ratio of each axle, 1, shape (drives, axles).
         slip_std: Standard deviation of each slip, 1, shape (drives, axles).
+        overall_std: Root mean square of `slip_std` over the axles that pull, 1, shape (drives,).
         radius_factor: True over nominal radius of each wheel, 1, shape (drives, axles).
         since_relief_s: Time since an axle was last free, s; infinite: never. Shape (drives,).
         known: Whether the slip is known, shape (drives,).
@@ -33,6 +34,7 @@ class ObservedSpeed(Value):
     slow_variance: Array
     slip: Array
     slip_std: Array
+    overall_std: Array
     radius_factor: Array
     since_relief_s: Array
     known: NDArray[np.bool_]

@@ -33,6 +33,7 @@ class ObservedBlock(Value):
         speed: Vehicle speed, m/s.
         white_variance: Variance of the speed that is independent from block to block, m²/s².
         radius_factor: True over configured radius of each wheel, 1, shape (axles,).
+        slip_std: Standard deviation of the slips of the axles that pull, which lasts, 1.
         objection: Why the slips are not known; none where they are.
 
     """
@@ -41,6 +42,7 @@ class ObservedBlock(Value):
     speed: float
     white_variance: float
     radius_factor: Array
+    slip_std: float
     objection: Objection
 
 
@@ -137,6 +139,7 @@ class SpeedObserver(Stateful):
             speed=float(result.speed[0]),
             white_variance=float(result.white_variance[0]),
             radius_factor=result.radius_factor[0],
+            slip_std=float(result.overall_std[0]),
             objection=result.reasons[0],
         )
         self._stamps = []

@@ -14,6 +14,7 @@ from adhesion_can.estimation.observed_speed.speed_observer import (
     SpeedObserver,
     with_speed,
 )
+from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import NO_SAMPLES, Sample, Samples
@@ -40,6 +41,9 @@ def row_of(t_us, slips, adhesion=ADHESION, speed=SPEED, reference=1.01):
 class Kept:
     """An estimator that keeps its samples, and whose estimate numbers them."""
 
+    doubt = Doubt.NONE
+    lambda_m = 0.05
+
     def __init__(self):
         self.parts = [NO_SAMPLES]
 
@@ -50,9 +54,9 @@ class Kept:
             return None
         return Estimate(
             c1=0.4, c2=60.0, c3=0.3, covariance=np.eye(3), mu_max=0.3, mu_max_std=0.001,
-            lambda_m=0.05, lambda_m_std=0.002, noise_std=0.01, samples=count,
+            lambda_m=self.lambda_m, lambda_m_std=0.002, noise_std=0.01, samples=count,
             identifiable=Identifiable(mu_max=True, lambda_m=True), surface_since_us=0,
-            change_probability=0.9,
+            change_probability=0.9, doubt=self.doubt,
         )  # fmt: skip
 
 
@@ -62,7 +66,7 @@ class Drive:
     def __init__(self, seed=0):
         self.rng = np.random.default_rng(seed)
         self.estimator = ObservedSpeedEstimator(
-            Kept, Locomotive(), ObservedSpeedSettings(), CYCLE_US
+            Kept, Locomotive(), ObservedSpeedSettings(), CYCLE_US, largest_std=0.3, tests_curve=True
         )
         self.t_us = 0
         self.ramp = np.ones(6)
@@ -117,6 +121,28 @@ def test_the_first_known_slips_begin_a_new_estimate(known):
     # Nothing of the first two seconds is in it.
     assert estimate.samples == sum(len(one) for one in drive.estimator.inner.parts)
     assert drive.estimator.inner.parts[1].t_us[0] > 2_000_000
+
+
+def test_the_errors_of_the_slips_are_in_the_standard_deviation_of_their_peak(known):
+    _, estimate = known
+    assert 0.002 < estimate.lambda_m_std < np.hypot(0.002, 0.002)
+    assert estimate.mu_max_std == 0.001
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"), [("doubt", Doubt.NOT_AVAILABLE), ("lambda_m", 0.0067)]
+)
+def test_a_peak_is_not_identifiable_if_untested_or_at_slips_like_their_errors(
+    known, attribute, value
+):
+    drive = deepcopy(known[0])
+    setattr(drive.estimator.inner, attribute, value)
+    estimate = drive.run(0.1)
+    assert estimate.objection is Objection.NONE
+    assert not estimate.identifiable.mu_max
+    assert not estimate.identifiable.lambda_m
+    assert np.isinf(estimate.mu_max_std)
+    assert np.isinf(estimate.lambda_m_std)
 
 
 def test_samples_have_the_observed_speed_and_their_slips_are_right(known):
@@ -193,8 +219,8 @@ def test_rows_pair_the_samples_of_one_cycle():
 
 def test_a_speed_between_two_blocks():
     factor = np.array([1.0, 1.001, 1.0, 1.0, 1.0, 1.0])
-    before = ObservedBlock(0, 15.0, 4e-6, factor, Objection.NONE)
-    block = ObservedBlock(50_000, 15.1, 4e-6, factor, Objection.NONE)
+    before = ObservedBlock(0, 15.0, 4e-6, factor, 0.001, Objection.NONE)
+    block = ObservedBlock(50_000, 15.1, 4e-6, factor, 0.001, Objection.NONE)
     found = with_speed(row_of(10_000, [0.006] * 6), before, block)
     assert found.speed == pytest.approx([15.02] * 6)
     rim = 15.0 * 1.006
