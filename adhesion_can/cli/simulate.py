@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
     if options.no_radar and (options.closed_loop or plan is not None):
         raise InputError(
             "--no-radar",
-            "its drive makes reliefs of its own and follows nobody",
+            "its drive makes reliefs of its own and takes no setpoints",
             "omit --closed-loop and --plan",
         )
     settings = _settings(options, config, plan)
