@@ -12,12 +12,14 @@ from adhesion_can.bus.roles import BoundMessage, packaged_choices
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.plan_file import read_plan
 from adhesion_can.control.frames import ControllerOnBus, build_follower
+from adhesion_can.control.relieving_drive import DriveState, RelievingDrive
 from adhesion_can.errors import InputError
 from adhesion_can.estimation.extended.correction import require_axles, require_channels
 from adhesion_can.files import whole_file
 from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.driving_plan import DrivingPlan
 from adhesion_can.physics.effects import ActiveEffect
+from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.formats import require_text_name
 from adhesion_can.result_text import html_table
@@ -25,7 +27,7 @@ from adhesion_can.simulation.effect_option import parse_effects
 from adhesion_can.simulation.own_vehicle import drive_of, noise_of, scenario_of
 from adhesion_can.simulation.refusals import require_simulable
 from adhesion_can.simulation.role_sensors import packaged_messages
-from adhesion_can.simulation.run import RunSettings, Simulation
+from adhesion_can.simulation.run import STEP_US, RunSettings, Simulation
 from adhesion_can.simulation.scenarios import SCENARIOS, scenario_by_name
 from adhesion_can.simulation.sensors import SLOT_US
 
@@ -119,7 +121,7 @@ def simulate(
 
 
 def make_simulation(
-    settings: RunSettings, config: Configuration, slot_us: int = SLOT_US
+    settings: RunSettings, config: Configuration, slot_us: int = SLOT_US, *, no_radar: bool = False
 ) -> Simulation:
     """A simulation that writes the configured database, by the roles of its signals.
 
@@ -127,6 +129,7 @@ def make_simulation(
         settings: Settings of the run.
         config: Database and roles.
         slot_us: Time from one message's first frame to that of the next, µs; 0: they are in phase.
+        no_radar: Whether the messages with the vehicle speed are not sent.
 
     Raises:
         ConfigError: Several axles share an effort, or a signal without a factor of each, or a
@@ -137,7 +140,23 @@ def make_simulation(
     config.require_distinct_signals()
     own = () if _is_packaged(config) else config.messages
     require_simulable(config.choices, own, config.where)
-    return Simulation(settings, config.database, messages=sent_messages(config), slot_us=slot_us)
+    messages = sent_messages(config)
+    if no_radar:
+        messages = _without_speed(messages)
+    return Simulation(settings, config.database, messages=messages, slot_us=slot_us)
+
+
+def _without_speed(messages: tuple[BoundMessage, ...]) -> tuple[BoundMessage, ...]:
+    """The messages but for those with the vehicle speed."""
+    needed = {Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT}
+    for message in messages:
+        if Role.VEHICLE_SPEED in message.roles and message.roles & needed:
+            raise InputError(
+                "--no-radar",
+                f"{message.plan.name} carries the vehicle speed, and wheel speeds or efforts",
+                "use a database with a message of its own for the vehicle speed",
+            )
+    return tuple(one for one in messages if Role.VEHICLE_SPEED not in one.roles)
 
 
 def sent_messages(config: Configuration) -> tuple[BoundMessage, ...]:
@@ -248,6 +267,39 @@ def drive_plan(
                 simulation.receive(demand)
                 sent.append(demand)
         yield sent
+
+
+PEAKS_EACH = 25
+"""Steps of the simulation after which the rail under the axles is looked at again: 50 ms."""
+
+
+def drive_with_reliefs(simulation: Simulation) -> Iterator[list[Frame]]:
+    """Steps of a run in which one axle after the other is relieved of its effort.
+
+    The drive knows vehicle speed and rail, as all simulated drives do; its frames carry neither.
+
+    Args:
+        simulation: Run, whose motors are given over to the drive.
+
+    Yields:
+        The locomotive's frames of each step.
+
+    """
+    plant, gains = simulation.plant, simulation.settings.drive
+    axles = simulation.settings.vehicle.axles
+    drive = RelievingDrive(axles, gains.gain, gains.integral_gain)
+    simulation.await_demands()
+    for number, frames in enumerate(simulation.run()):
+        if number % PEAKS_EACH == 0:
+            mu_max, peak_slip = simulation.find_peaks()
+        creep = plant.radius * plant.wheel_speed - plant.speed
+        time_s = simulation.now_us / 1e6
+        state = DriveState(
+            time_s, plant.speed, creep, simulation.effort, mu_max * plant.load, peak_slip
+        )
+        efforts = drive.step(state, STEP_US / 1e6)
+        simulation.demand_efforts({axle: float(x) for axle, x in enumerate(efforts, 1)})
+        yield frames
 
 
 def _effects_of_model(

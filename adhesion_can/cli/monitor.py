@@ -244,7 +244,7 @@ def _open_bus(
 def _can_estimate(config: Configuration) -> bool:
     """Whether the roles suffice for a service."""
     try:
-        config.require_identification()
+        config.require_service()
     except ConfigError:
         return False
     return True

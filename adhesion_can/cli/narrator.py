@@ -8,7 +8,7 @@ from typing import Any, TextIO
 from pythonjsonlogger.json import JsonFormatter
 
 from adhesion_can.physics.doubt import Doubt, doubt_sentence
-from adhesion_can.physics.objection import Objection, objection_sentence
+from adhesion_can.physics.objection import NEEDS_RELIEF, Objection, objection_sentence
 from adhesion_can.physics.status import Status
 from adhesion_can.printable import printable
 from adhesion_can.result_text import TimeScale, plus_minus
@@ -94,9 +94,11 @@ class Narrator:
         self._print_status(t_us, outputs)
         objection, doubt = outputs.objection, outputs.doubt
         if objection is not self._objection and self._has_room(KEPT_LINES):
+            known = self._objection in NEEDS_RELIEF
             self._objection = objection
             sentence = objection_sentence(objection)
-            self._warn_of(t_us, sentence, "the readings agree again", {"objection": objection.name})
+            otherwise = "the slips are known again" if known else "the readings agree again"
+            self._warn_of(t_us, sentence, otherwise, {"objection": objection.name})
         # 'Not available' in between neither confirms the last doubt nor takes it away.
         if doubt not in (self._doubt, Doubt.NOT_AVAILABLE) and self._has_room(KEPT_LINES):
             self._doubt = doubt
@@ -122,13 +124,16 @@ class Narrator:
             f"{self._time(t_us)} {outputs.status.name:15} "
             f"mu_max {plus_minus(point.mu_max, outputs.mu_max_std)}  "
             f"lambda_m {plus_minus(point.lambda_m, outputs.lambda_m_std)}"
+            f"{'  speed observed' if outputs.speed_observed else ''}"
         )
-        fields = {
+        fields: dict[str, Any] = {
             "bus_time_s": t_us / 1e6,
             "status": outputs.status.name,
             "mu_max": point.mu_max,
             "lambda_m": point.lambda_m,
         }
+        if outputs.speed_observed:
+            fields["speed_source"] = "observed"
         self._tell(_LEVELS.get(outputs.status, logging.INFO), line, fields)
 
     def _time(self, t_us: int) -> str:

@@ -105,7 +105,10 @@ def run(options: argparse.Namespace) -> int:
     of_samples: list[Callable[[Samples], None]] = [collector.add]
     with ExitStack() as stack:
         if options.table:
-            of_setpoints.append(stack.enter_context(setpoint_table(options.table, texts(origin))))
+            table = setpoint_table(
+                options.table, texts(origin), speed_observed=config.observes_speed
+            )
+            of_setpoints.append(stack.enter_context(table))
         if options.samples:
             to_table = stack.enter_context(
                 sample_table(options.samples, texts(origin), config.covariates(), slip_max)

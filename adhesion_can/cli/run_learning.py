@@ -195,6 +195,12 @@ def start_learning(
         if options.learn_to is not None:
             raise InputError("--learn-to", "nothing is learned", "add --learn propose")
         return RunLearning(None, narrator, ())
+    if config.observes_speed:
+        raise InputError(
+            f"--learn {options.learn}",
+            "a diagnosis needs a measured vehicle speed, and [observed_speed] replaces it",
+            "leave out --learn, or set enabled = false",
+        )
     require_positive(options.learn_every, "--learn-every", "minutes")
     applies = options.learn == "apply"
     if applies and config.model is not None:

@@ -13,6 +13,7 @@ from adhesion_can.api.simulation import (
     DURATION_S,
     build_run_settings,
     drive_plan,
+    drive_with_reliefs,
     make_simulation,
 )
 from adhesion_can.bus.frame import Frame
@@ -79,6 +80,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
     )
     parser.add_argument(
+        "--no-radar",
+        action="store_true",
+        help=(
+            "send no vehicle speed; the drive relieves one axle after the other of its effort, so "
+            "that [observed_speed] finds it"
+        ),
+    )
+    parser.add_argument(
         "--load-transfer", action="store_true", help="transfer axle load under effort"
     )
     parser.add_argument(
@@ -96,6 +105,12 @@ def run(options: argparse.Namespace) -> int:
     plan = None if options.plan is None else read_plan(options.plan)
     if plan is not None and not options.closed_loop:
         raise InputError("--plan", "nothing would drive the plan", "add --closed-loop")
+    if options.no_radar and (options.closed_loop or plan is not None):
+        raise InputError(
+            "--no-radar",
+            "its drive makes reliefs of its own and takes no setpoints",
+            "omit --closed-loop and --plan",
+        )
     settings = _settings(options, config, plan)
     on_bus = "interface" in options or "channel" in options
     if options.log is None:
@@ -104,17 +119,19 @@ def run(options: argparse.Namespace) -> int:
         given = "both are given" if on_bus else "neither is given"
         raise InputError("--log and -i", given, "name a log, or a bus with -i and -c")
     require_outputs(options, [config.database.path])
-    simulation = make_simulation(settings, config)
+    simulation = make_simulation(settings, config, no_radar=options.no_radar)
     if plan is not None:
         simulation.await_demands()
+    steps = drive_with_reliefs(simulation) if options.no_radar else simulation.run()
     if on_bus:
         with bus_opener(options)() as bus:
             where = bus_name(options, str(bus.channel_info))
-            sent = _on_bus(simulation, bus, where)
+            sent = _on_bus(simulation, steps, bus, where)
     else:
         where = str(options.log)
         core = ServiceCore(config) if options.closed_loop and plan is None else None
-        steps = simulation.run() if plan is None else drive_plan(simulation, config, plan)
+        if plan is not None:
+            steps = drive_plan(simulation, config, plan)
         sent = _to_log(simulation, steps, options.log, core)
     say(
         f"{where}: {sent} frames of {settings.duration_s:g} s of '{settings.scenario.name}'",
@@ -171,7 +188,9 @@ def _answer(simulation: Simulation, core: ServiceCore, frame: Frame, file: Any) 
         simulation.receive(answer)
 
 
-def _on_bus(simulation: Simulation, bus: can.BusABC, name: str) -> int:
+def _on_bus(
+    simulation: Simulation, steps: Iterable[list[Frame]], bus: can.BusABC, name: str
+) -> int:
     """Send the drive in real time; returns the number of its frames."""
     began, count = time.monotonic(), 0
     silence = SilenceWatch(
@@ -180,7 +199,7 @@ def _on_bus(simulation: Simulation, bus: can.BusABC, name: str) -> int:
         say,
     )
     with progress("simulating", simulation.settings.duration_s, "s") as show:
-        for frames in simulation.run():
+        for frames in steps:
             ahead = simulation.now_us / 1e6 - (time.monotonic() - began)
             if ahead > 0:
                 time.sleep(ahead)

@@ -1,7 +1,7 @@
 """Everything that a user can set, as one frozen value."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import hypot, sqrt
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +16,7 @@ from adhesion_can.bus.roles import (
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.doubt.settings import EXACT
 from adhesion_can.estimation.estimator import Estimator
+from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.estimation.registry import (
     DEFAULT,
     EstimatorSettings,
@@ -27,7 +28,7 @@ from adhesion_can.estimation.registry import (
 from adhesion_can.physics.channels import COVARIATES, UserChannel
 from adhesion_can.physics.driving_plan import PlanLimits
 from adhesion_can.physics.instruments import PERFECT
-from adhesion_can.physics.readings import ROLE_UNITS, Role
+from adhesion_can.physics.readings import ROLE_UNITS, Role, role_name
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.ranges import Within, require_ranges
 from adhesion_can.recordings.tables.choice import ColumnChoice
@@ -37,6 +38,7 @@ from adhesion_can.sampling.equations import (
     Sensors,
 )
 from adhesion_can.sampling.former import SampleFormer
+from adhesion_can.sampling.rim_speed import RimSpeed
 
 UNKNOWN_CYCLE = (
     "its cycle is unknown, so a stale input cannot be detected",
@@ -164,6 +166,21 @@ class Configuration:
             return self.channels[axle - 1].unit
         return ROLE_UNITS.get(role, "")
 
+    @property
+    def observes_speed(self) -> bool:
+        """Whether the service observes the vehicle speed by the driven axles."""
+        return self.estimators.observed_speed.enabled
+
+    def missing_for_service(self) -> list[str]:
+        """Inputs that the service needs and no role gives, by name."""
+        missing = self.missing_for_identification()
+        if not self.observes_speed:
+            return missing
+        given = {(choice.role, choice.axle) for choice in self.choices}
+        axles = range(1, self.vehicle.axles + 1)
+        needed = [(r, a) for r in (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT) for a in axles]
+        return [role_name(*one) for one in needed if one not in given]
+
     def missing_for_identification(self) -> list[str]:
         """Inputs that an adhesion coefficient needs and no role gives, by name."""
         given = {(choice.role, choice.axle) for choice in self.choices}
@@ -211,8 +228,14 @@ class Configuration:
 
     def require_identification(self) -> None:
         """ConfigError where no adhesion can be computed, or a cycle time is unknown."""
+        self._require(self.missing_for_identification())
+
+    def require_service(self) -> None:
+        """ConfigError where the service lacks an input, or a cycle time is unknown."""
+        self._require(self.missing_for_service())
+
+    def _require(self, missing: list[str]) -> None:
         self.require_distinct_signals()
-        missing = self.missing_for_identification()
         if missing:
             raise ConfigError(
                 self.where,
@@ -239,16 +262,23 @@ class Configuration:
 
     def make_former(self) -> SampleFormer:
         """New sample former for readings of these messages."""
-        model = self.model
+        model, cycles = self.model, cycles_by_role(self.messages)
+        if self.observes_speed:
+            # The reference of the slips is the rim of a wheel.
+            cycles = {**cycles, Role.VEHICLE_SPEED: cycles.get(Role.WHEEL_SPEED, 0)}
         return SampleFormer(
             self.vehicle,
-            cycles_by_role(self.messages),
+            cycles,
             self.sampling,
             self.sensors_as_sent,
             PERFECT if model is None else model.instruments,
             with_travel=model is not None,
             channels=tuple(channel.name for channel in self.channels),
         )
+
+    def make_rim_speed(self) -> RimSpeed | None:
+        """New reference of the samples' slips; None: the measured vehicle speed is theirs."""
+        return RimSpeed(self.vehicle) if self.observes_speed else None
 
     def make_column_former(self) -> ColumnFormer:
         """New sample former for columns of readings."""
@@ -279,6 +309,23 @@ class Configuration:
             ConfigError: No estimator has that name.
 
         """
+        if not self.observes_speed:
+            return self._make_curve_estimator(name)
+        from adhesion_can.estimation.observed_speed.estimator import (  # noqa: PLC0415
+            ObservedSpeedEstimator,
+        )
+
+        return ObservedSpeedEstimator(
+            partial(self._make_curve_estimator, name),
+            self.vehicle,
+            ObservedSpeedSettings(),
+            cycles_by_role(self.messages)[Role.WHEEL_SPEED],
+            largest_std=self.estimators.identifiability.lambda_m_std,
+            tests_curve=self.find_estimator(name) is make_default and self.estimators.doubt.enabled,
+        )
+
+    def _make_curve_estimator(self, name: str | None) -> Estimator:
+        """New estimator, without the stage that observes the vehicle speed."""
         make, settings = self.find_estimator(name), self.estimators
         axle_load = sum(self.vehicle.axle_load) / self.vehicle.axles
         settings = replace(settings, instruments=settings.instruments.on_load(axle_load))
@@ -289,6 +336,11 @@ class Configuration:
                 # The shape was measured, too; what the data contradict is doubted all the same.
                 measured = replace(settings.doubt, shape_std=0.0, first_lambda_m_std=0.0)
                 settings = replace(settings, doubt=measured)
+        if self.observes_speed:
+            # What is observed wanders by as much as it may be off while the slips are known.
+            error = max(settings.instruments.speed_error_std, ObservedSpeedSettings().slip_std)
+            instruments = replace(settings.instruments, speed_error_std=error)
+            settings = replace(settings, instruments=instruments)
         estimator = (
             make_default(settings, self.vehicle.axles) if make is make_default else make(settings)
         )

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from adhesion_can.bus.database import DATABASE_SUFFIXES, load_database
-from adhesion_can.bus.roles import OPTIONAL_MESSAGES, packaged_choices
+from adhesion_can.bus.roles import OPTIONAL_MESSAGES, SignalChoice, packaged_choices
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.roles_section import load_channels, load_roles
 from adhesion_can.config.table_section import load_table_section
@@ -116,6 +116,26 @@ def _complete(configuration: Configuration) -> Configuration:
             and (choice.message in messages or choice.message not in OPTIONAL_MESSAGES)
         )
         configuration = replace(configuration, choices=(*choices, *given))
+    if configuration.observes_speed:
+        configuration = _without_vehicle_speed(configuration, given)
     _ = configuration.messages
     configuration.find_estimator()
     return configuration
+
+
+_OF_SPEED = (Role.VEHICLE_SPEED, Role.SPEED_SOURCE)
+
+
+def _without_vehicle_speed(
+    configuration: Configuration, given: tuple[SignalChoice, ...]
+) -> Configuration:
+    """Configuration without the roles that the observed speed replaces; an error if written."""
+    for choice in given:
+        if choice.role in _OF_SPEED:
+            raise ConfigError(
+                f"{configuration.where}: roles.{choice.name}",
+                "[observed_speed] enabled = true replaces the vehicle speed",
+                "remove one of the two",
+            )
+    choices = tuple(one for one in configuration.choices if one.role not in _OF_SPEED)
+    return replace(configuration, choices=choices)

@@ -33,6 +33,7 @@ from adhesion_can.control.settings import ControlSettings
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.driving_plan import DrivingPlan
+from adhesion_can.physics.objection import NEEDS_RELIEF
 from adhesion_can.physics.readings import Reading, Role, role_name
 
 STALE_CYCLES = 3
@@ -210,7 +211,12 @@ class ControllerOnBus:
             self.advice = replace(self.advice, status=status, lambda_m=values["LambdaM"])
         elif name == "AdhesionModel":
             objection = objection_in(values)
-            self.advice = replace(self.advice, theta=theta_in(values), objection=objection)
+            self.advice = replace(
+                self.advice,
+                theta=theta_in(values),
+                objection=objection,
+                relief_wanted=objection in NEEDS_RELIEF,
+            )
         elif name == "AdhesionQuality":
             doubt = _doubt_in(values)
             self.advice = replace(self.advice, doubt=doubt, lambda_m_std=values["LambdaMStd"])

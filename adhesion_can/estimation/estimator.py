@@ -1,9 +1,10 @@
-"""Interface of all estimators: samples in, an estimate out."""
+"""Interface of all estimators: samples in, an estimate out; and of a stage that changes samples."""
 
 from typing import Protocol
 
 from adhesion_can.physics.estimate import Estimate
-from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.samples import NO_SAMPLES, Samples
+from adhesion_can.values import Stateful
 
 
 class Estimator(Protocol):
@@ -26,3 +27,18 @@ class Estimator(Protocol):
 
         """
         ...
+
+
+class ReplacingStage(Stateful):
+    """Stage in front of an estimator that gives it other samples than it gets itself.
+
+    Args:
+        inner: Estimator of the curve.
+
+    """
+
+    def __init__(self, inner: Estimator) -> None:
+        self.inner = inner
+        """Estimator of the curve."""
+        self.used = NO_SAMPLES
+        """Samples that the latest update gave to it."""

@@ -15,6 +15,7 @@ from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUnce
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.estimation.noise.settings import NoiseSettings
+from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSwitch
 from adhesion_can.estimation.plausibility.settings import PlausibilitySettings
 from adhesion_can.estimation.tracker.settings import TrackerSettings
 from adhesion_can.plugins import load_plugins
@@ -40,6 +41,8 @@ class EstimatorSettings:
         instruments: Errors of the instruments before the data show them, section `[instruments]`;
             used by the default estimator.
         plausibility: Limits of the readings in front of every estimator, section `[plausibility]`.
+        observed_speed: Whether the vehicle speed is observed by the driven axles in front of every
+            estimator, section `[observed_speed]`.
         tracker: Settings of the default estimator and of its parts, sections `[tracker]`,
             `[run_length]`, `[memory]`, `[prior]` and `[axles]`.
         evolution: Settings of the differential evolution, section `[evolution]`; its block length
@@ -53,6 +56,7 @@ class EstimatorSettings:
     doubt: DoubtSettings = field(default_factory=DoubtSettings)
     instruments: InstrumentUncertainty = field(default_factory=InstrumentUncertainty)
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
+    observed_speed: ObservedSpeedSwitch = field(default_factory=ObservedSpeedSwitch)
     tracker: TrackerSettings = field(default_factory=TrackerSettings)
     evolution: EvolutionSettings = field(default_factory=EvolutionSettings)
     change: ChangeSettings = field(default_factory=ChangeSettings)

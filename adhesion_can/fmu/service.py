@@ -61,7 +61,7 @@ class ServiceSlave:
     """
 
     def __init__(self, configuration: Configuration) -> None:
-        configuration.require_identification()
+        configuration.require_service()
         self._configuration = configuration
         channels = configuration.channels
         self._groups = group_signals(configuration.messages)

@@ -262,6 +262,7 @@ class Snapshot:
         only_direction: Direction of all efforts so far; None before the first, or for both.
         speed: Vehicle speed, m/s; None where it is not available.
         is_speed_derived: Whether the vehicle speed is derived from the driven axles.
+        is_speed_observed: Whether the service observes the vehicle speed by wheels and efforts.
         v_min: Vehicle speed below which there are no samples, m/s.
         missing: Inputs without a role, by name, without which there are no samples.
         service: Latest contents of the service's messages; None where none came.
@@ -284,6 +285,7 @@ class Snapshot:
     only_direction: DriveDirection | None = None
     speed: float | None = None
     is_speed_derived: bool = False
+    is_speed_observed: bool = False
     v_min: float = 1.0
     missing: tuple[str, ...] = ()
     service: ServiceView | None = None

@@ -73,7 +73,7 @@ class MonitorState:
         }
         self._by_id = {key: one for key, one in self._by_id.items() if key not in inputs}
         self._frames = FrameKeeper(_known_messages(configuration), configuration.choices)
-        self._missing = tuple(configuration.missing_for_identification())
+        self._missing = tuple(configuration.missing_for_service())
         choices = configuration.choices
         self._axles = sorted({one.axle for one in choices if one.role is Role.WHEEL_SPEED})
         self._former = configuration.make_former()
@@ -135,6 +135,7 @@ class MonitorState:
             only_direction=next(iter(self._directions)) if len(self._directions) == 1 else None,
             speed=self._latest(Role.VEHICLE_SPEED, 0, t_us),
             is_speed_derived=self._latest(Role.SPEED_SOURCE, 0, t_us) == SpeedSource.DRIVEN_AXLES,
+            is_speed_observed=self._configuration.observes_speed,
             v_min=self._configuration.sampling.v_min,
             missing=self._missing,
             service=self._outputs.view(t_us),

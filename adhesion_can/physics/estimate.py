@@ -1,7 +1,7 @@
 """Estimates of the adhesion curve: parameters, peak, standard deviations and identifiability."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, NamedTuple
 
@@ -79,6 +79,7 @@ class Estimate(Value):
         family: Name of the curve family that is the most probable one; c1, c2 and c3 are those of
             the nearest Burckhardt curve. None where an estimator has Burckhardt's alone.
         objection: Why nobody vouches for the estimate, where that is so.
+        observed_speed: Vehicle speed that wheels and efforts show, m/s; None where it is measured.
 
     """
 
@@ -101,11 +102,24 @@ class Estimate(Value):
     doubt: Doubt = Doubt.NOT_AVAILABLE
     family: str | None = None
     objection: Objection = Objection.NONE
+    observed_speed: float | None = None
 
     @property
     def theta(self) -> CurveParameters:
         """(c1, c2, c3)."""
         return (self.c1, self.c2, self.c3)
+
+    def objected(self, objection: Objection) -> "Estimate":
+        """The estimate with an objection to it: nothing of its peak is known."""
+        return replace(
+            self,
+            objection=objection,
+            mu_max_std=inf,
+            lambda_m_std=inf,
+            identifiable=Identifiable(mu_max=False, lambda_m=False),
+            mu_max_interval=(-inf, inf),
+            lambda_m_interval=(-inf, inf),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Values and standard deviations as JSON has them.

@@ -1,4 +1,8 @@
-"""Objections: why the service does not vouch for its estimate, whatever the curve's fit says."""
+"""Objections: why the service does not vouch for its estimate, whatever the curve's fit says.
+
+The readings contradict each other, or they do not show the vehicle speed that is observed by them
+(`estimation.observed_speed`).
+"""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -6,7 +10,7 @@ from typing import NamedTuple
 
 
 class Objection(IntEnum):
-    """What the readings cannot be."""
+    """What the readings cannot be, or do not show."""
 
     NONE = 0
     SPEED_JUMP = 1
@@ -17,11 +21,26 @@ class Objection(IntEnum):
     LOADS_OFF = 6
     BEYOND_CEILING = 7
     SLIPS_BEYOND_MODEL = 8
+    NO_RELIEF = 9
+    RADII_UNCERTAIN = 10
+    EFFORTS_ROSE = 11
+    RAIL_CHANGED = 12
 
     @property
     def json_name(self) -> str | None:
         """Name as JSON has it; None where there is no objection."""
         return None if self is Objection.NONE else self.name.lower()
+
+
+NEEDS_RELIEF = frozenset(
+    {
+        Objection.NO_RELIEF,
+        Objection.RADII_UNCERTAIN,
+        Objection.EFFORTS_ROSE,
+        Objection.RAIL_CHANGED,
+    }
+)
+"""Objections that end when an axle is relieved of its effort."""
 
 
 class Wording(NamedTuple):
@@ -37,6 +56,7 @@ class Wording(NamedTuple):
     fix: str
 
 
+_RELIEVE = "relieve one axle for a second"
 _UNTIL = "no peak until the readings agree again, or coasting confirms them"
 WORDINGS: Mapping[Objection, Wording] = {
     Objection.SPEED_JUMP: Wording(
@@ -63,6 +83,20 @@ WORDINGS: Mapping[Objection, Wording] = {
     Objection.SLIPS_BEYOND_MODEL: Wording(
         "most slip ratios are outside the model: locked or spinning wheels, or a faulty sensor",
         "check wheel and vehicle speed",
+    ),
+    Objection.NO_RELIEF: Wording(
+        "no driven axle was free of effort of late, so the wheels do not show the vehicle speed",
+        _RELIEVE,
+    ),
+    Objection.RADII_UNCERTAIN: Wording(
+        "the observed vehicle speed is not exact enough, as far as the wheel radii are known",
+        "relieve another axle for a second",
+    ),
+    Objection.EFFORTS_ROSE: Wording(
+        "the efforts have risen since the last relief, so the slips are uncertain", _RELIEVE
+    ),
+    Objection.RAIL_CHANGED: Wording(
+        "the rail has changed since the last relief, so the slips are uncertain", _RELIEVE
     ),
 }
 """Words for each objection."""

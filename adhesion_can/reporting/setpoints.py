@@ -159,40 +159,52 @@ COLUMNS = (
 """Columns beside `time_s`."""
 
 
-def setpoint_row(outputs: Outputs) -> list[float]:
+SPEED_SOURCE = _names(
+    "speed_source",
+    "source of speed_mps, if it is observed by wheels and efforts",
+    {0.0: "NOT_AVAILABLE", 1.0: "observed"},
+    lambda o: 1.0 if o.speed_observed else None,
+    missing=0,
+)
+"""Further column, of a service that observes the vehicle speed."""
+
+
+def setpoint_row(outputs: Outputs, columns: Iterable[SetpointColumn] = COLUMNS) -> list[float]:
     """Numbers of a row, one of each column; NaN where not available."""
-    return [column.number(outputs) for column in COLUMNS]
+    return [column.number(outputs) for column in columns]
 
 
 @contextmanager
 def setpoint_table(
-    path: Path, origin: Mapping[str, str]
+    path: Path, origin: Mapping[str, str], *, speed_observed: bool = False
 ) -> Iterator[Callable[[int, Outputs], None]]:
     """A file with a row a setpoint; gives the function that adds one by stamp (µs) and outputs.
 
     Args:
         path: Path of the file; its suffix selects the format.
         origin: Version, inputs and hashes, written where the format has a place for them.
+        speed_observed: Whether the service observes the vehicle speed, which a column says.
 
     Raises:
         InputError: The format is unknown, an extra is missing, or the disk is full.
 
     """
+    chosen = (*COLUMNS, SPEED_SOURCE) if speed_observed else COLUMNS
     with open_table(
-        path, [column.field for column in COLUMNS], origin, name="AdhesionSetpoint"
+        path, [column.field for column in chosen], origin, name="AdhesionSetpoint"
     ) as write:
         waiting: list[tuple[int, list[float]]] = []
 
         def flush() -> None:
             if waiting:
                 t_us, values = zip(*waiting, strict=True)
-                numbers = zip(COLUMNS, np.array(values).T, strict=True)
+                numbers = zip(chosen, np.array(values).T, strict=True)
                 columns = [column.written(of_rows) for column, of_rows in numbers]
                 write(np.array(t_us, dtype=np.int64) * 1000, columns)
                 waiting.clear()
 
         def add(t_us: int, outputs: Outputs) -> None:
-            waiting.append((t_us, setpoint_row(outputs)))
+            waiting.append((t_us, setpoint_row(outputs, chosen)))
             if len(waiting) >= ROWS:
                 flush()
 

@@ -131,6 +131,7 @@ class ColumnInputs:
     def restart(self) -> None:
         """Forget all readings."""
         self._former = self._configuration.make_column_former()
+        self._rim_speed = self._configuration.make_rim_speed()
         self._snapshots: dict[int, InputSnapshot] = {}
         self._last_us: list[int] = []
         self._speed: float | None = None
@@ -148,7 +149,8 @@ class ColumnInputs:
             totals: Numbers of rejected and lost frames at the due times.
 
         """
-        self._former.add(received.readings)
+        rim_speed, readings = self._rim_speed, received.readings
+        self._former.add(readings if rim_speed is None else rim_speed.add_to_columns(readings))
         rows = zip(
             due.tolist(),
             self._former.collect(due),

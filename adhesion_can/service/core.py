@@ -23,7 +23,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.readings import SpeedSource
-from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.sampling.column_former import Readings, in_columns
 from adhesion_can.service.early_start import NEAR_US, EarlyStart
 from adhesion_can.service.estimation_loop import EstimationLoop, EstimatorFailure
@@ -78,7 +78,7 @@ class ServiceCore:
         on_samples: Callable[[Samples], None] | None = None,
         on_readings: Callable[[Readings], None] | None = None,
     ) -> None:
-        configuration.require_identification()
+        configuration.require_service()
         self.configuration = configuration
         self.receiver = Receiver(configuration.messages)
         self.messages = OutputMessages(configuration.database, configuration.messages)
@@ -366,10 +366,9 @@ class ServiceCore:
 
     def _update_estimate(self, t_us: int, samples: Samples) -> bool:
         """Bring the estimate to a due time; returns whether it is another one than before."""
-        if len(samples):
-            self.counts.samples += len(samples)
-            if self._on_samples:
-                self._on_samples(samples)
+        replaces = self._estimation.replaced_samples is not None
+        if not replaces:
+            self._take_samples(samples)
         try:
             is_new = self._estimation.update(samples, t_us)
             self._early.end(t_us, served=self._estimation.was_prepared)
@@ -377,7 +376,15 @@ class ServiceCore:
             self._add_fault(t_us, str(failure))
             self._discard_estimate()
             return False
+        if replaces:
+            self._take_samples(self._estimation.replaced_samples or NO_SAMPLES)
         return is_new
+
+    def _take_samples(self, samples: Samples) -> None:
+        if len(samples):
+            self.counts.samples += len(samples)
+            if self._on_samples:
+                self._on_samples(samples)
 
     def _add_fault(self, t_us: int, reason: str) -> None:
         self._ready = None

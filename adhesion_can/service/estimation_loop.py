@@ -12,7 +12,7 @@ from collections.abc import Callable
 from math import isfinite, isnan
 from typing import NamedTuple
 
-from adhesion_can.estimation.estimator import Estimator
+from adhesion_can.estimation.estimator import Estimator, ReplacingStage
 from adhesion_can.estimation.extended.estimator import ExtendedEstimator
 from adhesion_can.estimation.plausibility.estimator import WatchedEstimator
 from adhesion_can.physics.estimate import Estimate
@@ -72,9 +72,17 @@ class EstimationLoop:
     def left_out(self) -> dict[str, int]:
         """Number of samples to which the extended model could not be applied, by reason."""
         estimator = self._estimator
+        if isinstance(estimator, ReplacingStage):
+            estimator = estimator.inner
         if isinstance(estimator, WatchedEstimator):
             estimator = estimator.inner
         return dict(estimator.left_out) if isinstance(estimator, ExtendedEstimator) else {}
+
+    @property
+    def replaced_samples(self) -> Samples | None:
+        """Samples of the latest update as a stage made them; None where none makes others."""
+        estimator = self._estimator
+        return estimator.used if isinstance(estimator, ReplacingStage) else None
 
     def update(self, samples: Samples, t_us: int) -> bool:
         """Bring the estimate to a due time.

@@ -10,6 +10,7 @@ from adhesion_can.config import Configuration
 from adhesion_can.physics.readings import REQUIRED, Reading, Role, SpeedSource
 from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.former import SampleFormer
+from adhesion_can.sampling.rim_speed import REFERENCE_AXLE
 
 OVERDUE_CYCLES = 1.5
 """Number of cycles after which a message is not waited for, by the stamps of the others."""
@@ -110,6 +111,7 @@ class FrameInputs:
     def restart(self) -> None:
         """Forget all readings."""
         self._former = self._configuration.make_former()
+        self._rim_speed = self._configuration.make_rim_speed()
         self._timeouts: dict[tuple[Role, int], _MessageTimeout] = {}
         self._messages: list[_MessageTimeout] = []
         self._supervised: list[_MessageTimeout] = []
@@ -129,9 +131,13 @@ class FrameInputs:
             self._messages.append(timeout)
             if any(s.role in REQUIRED for s in message.signals):
                 self._supervised.append(timeout)
+        if self._rim_speed is not None:
+            self._timeouts[Role.VEHICLE_SPEED, 0] = self._timeouts[Role.WHEEL_SPEED, REFERENCE_AXLE]
 
     def add(self, readings: Iterable[Reading]) -> None:
         """Add the readings of an accepted frame; stamps must not run backwards."""
+        if self._rim_speed is not None:
+            readings = self._rim_speed.add_to(readings)
         if self._ahead is not None:
             readings = list(readings)
             self._ahead = self._ahead.after(readings)
@@ -141,7 +147,7 @@ class FrameInputs:
             message.seen_us = reading.t_us
             if value is not None and role in REQUIRED:
                 message.last_us = reading.t_us
-            if role is Role.VEHICLE_SPEED:
+            if role is Role.VEHICLE_SPEED and self._rim_speed is None:
                 self.speed = value
             elif role is Role.SPEED_SOURCE and value is not None:
                 self.speed_source = value

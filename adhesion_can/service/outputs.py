@@ -47,6 +47,7 @@ class Outputs:
         family: Name of the most probable curve family; None where none are compared.
         speed: Vehicle speed, m/s; None where it is not available.
         objection: What the readings cannot be, where that is why nobody vouches for the peak.
+        speed_observed: Whether wheels and efforts show the speed: no instrument measures it.
 
     """
 
@@ -61,6 +62,7 @@ class Outputs:
     family: str | None = None
     speed: float | None = None
     objection: Objection = Objection.NONE
+    speed_observed: bool = False
 
 
 LEAST_MU = 0.005
@@ -112,7 +114,12 @@ def build_outputs(
 
     pooled = (estimate.mu_max, estimate.lambda_m)
     if not is_of_a_rail(*pooled):
-        return Outputs(status, speed=speed, objection=estimate.objection)
+        return Outputs(
+            status,
+            speed=speed,
+            objection=estimate.objection,
+            speed_observed=estimate.observed_speed is not None,
+        )
     return Outputs(
         status=status,
         setpoint=setpoint(*pooled),
@@ -125,6 +132,7 @@ def build_outputs(
         family=estimate.family,
         speed=speed,
         objection=estimate.objection,
+        speed_observed=estimate.observed_speed is not None,
     )
 
 
@@ -231,6 +239,8 @@ class OutputBuilder:
 
     def _build_current(self, current: _Current) -> Outputs:
         estimate, speed = current.estimate, current.speed
+        if estimate.observed_speed is not None:
+            speed = estimate.observed_speed
         if current.speed_derived:
             estimate = _without_confidence(estimate)
         return build_outputs(

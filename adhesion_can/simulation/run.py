@@ -243,6 +243,11 @@ class Simulation:
         places = [float(top.lambda_m) for top in tops]
         return np.array([float(top.mu_max) for top in tops]), np.array(places)
 
+    @property
+    def effort(self) -> Array:
+        """Effort at the rim of each axle now, N, shape (axles,)."""
+        return self._drive.effort
+
     def describe_drive(self) -> str:
         """Sentence about what the drive does, and why."""
         drive, time_s = self._drive, self.now_us / 1e6

@@ -59,6 +59,10 @@ OBJECTION = {
     6: "loads off",
     7: "peak beyond the ceiling",
     8: "slips beyond the model",
+    9: "no relief of late",
+    10: "observed speed not exact enough",
+    11: "efforts rose since the last relief",
+    12: "rail changed since the last relief",
 }
 RAIN = {0: "none", 1: "light", 2: "heavy", 3: "not available"}
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from adhesion_can.cli.main import main
 from adhesion_can.cli.narrator import BURST, LINES_PER_S, Narrator
 from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.service.outputs import Outputs, Setpoint
 
@@ -164,3 +165,20 @@ def test_another_format_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["run", "-i", "virtual", "-c", "x", "--log-format", "xml"])
     assert "known: text, json" in capsys.readouterr().err
+
+
+def test_an_observed_speed_is_named_and_a_relief_makes_slips_known_again():
+    narrator, file, _ = told()
+    point = Setpoint(mu_max=0.3, lambda_m=0.07)
+    for k, objection in enumerate((Objection.NO_RELIEF, Objection.NONE)):
+        outputs = Outputs(Status.TRACKING, point, objection=objection, speed_observed=True)
+        narrator.print_setpoint(k, outputs)
+    status, missing, known = lines(file)
+    assert status["speed_source"] == "observed"
+    assert "speed observed" in status["message"]
+    assert missing["message"].endswith("relieve one axle for a second")
+    assert known["message"].endswith("the slips are known again")
+    narrator, file, _ = told()
+    narrator.print_setpoint(0, Outputs(Status.TRACKING, point))
+    assert "speed_source" not in lines(file)[0]
+    assert "observed" not in lines(file)[0]["message"]

@@ -28,6 +28,7 @@ def test_the_sections_are_those_of_the_files_that_users_have():
         "doubt",
         "instruments",
         "plausibility",
+        "observed_speed",
         "tracker",
         "run_length",
         "memory",

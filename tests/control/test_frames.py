@@ -164,6 +164,16 @@ def test_the_messages_of_the_service_become_advice():
     assert advice.axles == {2: pytest.approx(0.068)}
 
 
+@pytest.mark.parametrize(
+    ("objection", "wanted"), [(0, False), (5, False), (9, True), (10, True), (11, True), (12, True)]
+)
+def test_an_objection_that_a_relief_ends_asks_for_one(objection, wanted):
+    controller = ControllerOnBus(load_configuration())
+    for frame in setpoint_frames(2, 0, objection=objection):
+        controller.feed(frame)
+    assert controller.advice.relief_wanted is wanted
+
+
 def test_a_doubt_that_only_a_newer_service_knows_is_one_all_the_same():
     controller = ControllerOnBus(load_configuration())
     for frame in setpoint_frames(1, 12):

@@ -243,3 +243,14 @@ def test_the_same_frames_give_the_same_snapshot():
     one, other = (state_after(frames[:3000]).snapshot(9_000_000) for _ in range(2))
     assert one == other
     assert replace(one, frames=0) != other
+
+
+def test_a_speed_that_the_service_observes_is_no_missing_input(tmp_path):
+    path = tmp_path / "my.toml"
+    path.write_text("[observed_speed]\nenabled = true\n", encoding="utf-8")
+    frames, _ = closed_loop()
+    state = state_after(frames, load_configuration(path))
+    snapshot = state.snapshot(frames[-1].t_us)
+    assert snapshot.is_speed_observed
+    assert (snapshot.missing, snapshot.speed, snapshot.points) == ((), None, ())
+    assert not state_after(frames[:100]).snapshot(frames[99].t_us).is_speed_observed

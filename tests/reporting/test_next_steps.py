@@ -19,7 +19,7 @@ from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.driving_plan import DrivingPlan, PlanStep
 from adhesion_can.physics.effects import forms_of_effect, known_effects
 from adhesion_can.physics.effects.formula import parse_formula
-from adhesion_can.physics.objection import WORDINGS, Objection
+from adhesion_can.physics.objection import NEEDS_RELIEF, WORDINGS, Objection
 from adhesion_can.reporting.next_steps.after_diagnosis import after_diagnosis
 from adhesion_can.reporting.next_steps.after_recording import (
     after_calibration,
@@ -327,6 +327,7 @@ def test_radii_agree_or_are_written():
         ([Doubt.NONE, Doubt.AXLE], {}, estimate(), "differ. Next: adhesion-can diagnose"),
         ([Doubt.NONE], {Objection.EFFORTS_JUMP: 0.9}, estimate(), "Next: adhesion-can run -i"),
         ([Doubt.AXLE], {Objection.LOADS_JUMP: 0.9}, estimate(), "check the axle-load sensors"),
+        ([Doubt.NONE], {Objection.NO_RELIEF: 0.9}, estimate(), "record a drive with more reliefs"),
         ([Doubt.NONE], {}, estimate(identifiable=False), "Next: adhesion-can identify"),
         ([Doubt.NONE], {}, None, "The service found no curve. Next: adhesion-can check"),
     ],
@@ -367,7 +368,8 @@ def objected(seconds):
 def test_a_lasting_objection_names_what_to_check_and_not_the_check_that_led_to_it(objection):
     step = after_replay(estimate(), [Doubt.NONE], objected({objection: 5.0}), LOG)
     assert "objects to the readings, longest at 0.0 .. 5.0 s: " in step.finding
-    assert step.action.startswith("check ")
+    record = "record a drive with more reliefs (relieve "
+    assert step.action.startswith(record if objection in NEEDS_RELIEF else "check ")
     assert "adhesion-can check" not in step.action
     assert re.search(r"then adhesion-can replay ('drive one.log'|NEW.log) --config", step.action)
 

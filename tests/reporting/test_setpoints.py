@@ -91,3 +91,16 @@ def test_a_table_without_any_doubt_is_written_all_the_same(tmp_path, suffix):
     else:
         ends = [line.split(",")[-3:] for line in path.read_text().splitlines()[1:]]
         assert ends == [["", "", "NONE"]] * 3
+
+
+def test_the_source_of_an_observed_speed_is_a_further_column(tmp_path):
+    path = tmp_path / "t.csv"
+    with setpoint_table(path, {}, speed_observed=True) as add:
+        add(0, Outputs(speed_observed=False))
+        add(20_000, Outputs(speed=10.0, speed_observed=True))
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["time_s", *(c.field.name for c in COLUMNS), "speed_source"]
+    assert [row["speed_source"] for row in rows] == ["", "observed"]
+    with write(tmp_path / "plain.csv", DOUBTS).open() as file:
+        assert "speed_source" not in next(csv.reader(file))

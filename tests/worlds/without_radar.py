@@ -31,6 +31,7 @@ TRANSFER = np.array([-0.045, -0.02, 0.005, -0.005, 0.02, 0.045])
 """Load that each axle gains for the whole effort, 1."""
 WHEEL_STD, EFFORT_STD = 0.003, 0.01 * LOAD
 RELIEF_EACH_S, RELIEF_S, RELIEF_RAMP_S, FIRST_RELIEF_S = 20.0, 1.0, 0.15, 6.0
+EXCURSION_EACH_S, EXCURSION_S, FIRST_EXCURSION_S, EXCURSION_USE = 3.0, 1.2, 12.0, 1.1
 CHUNK, SUBSTEPS = 500, 3
 
 
@@ -44,6 +45,7 @@ class Driving:
         idle: Whether the last axle never pulls.
         gnss_std: Standard deviation of a GNSS speed each second, m/s; None: there is none.
         accelerometer: Whether there is a longitudinal acceleration.
+        excursions: Whether one axle after the other is asked for more than its rail gives.
 
     """
 
@@ -52,6 +54,7 @@ class Driving:
     idle: bool = False
     gnss_std: float | None = None
     accelerometer: bool = False
+    excursions: bool = False
 
 
 @dataclass(frozen=True)
@@ -208,6 +211,17 @@ class Trains:
         self.ramp += np.clip(goal - self.ramp, -most, most)
         self.demand = np.clip(use, 0.2, 0.97)[:, None] * self.peak * LOAD * self.confidence
         self.demand = self.demand * self.ramp
+        self.asked_too_much = self._asked_too_much()
+        over = EXCURSION_USE * self.peak * LOAD * self.ramp
+        self.demand = np.where(self.asked_too_much, over, self.demand)
+
+    def _asked_too_much(self) -> np.ndarray:
+        """Axles on an excursion, (drives, axles): none while an axle is relieved."""
+        found = np.zeros((self.drives, AXLES), dtype=bool)
+        number, since = divmod(self.t - FIRST_EXCURSION_S, EXCURSION_EACH_S)
+        if self.driving.excursions and number >= 0 and since < EXCURSION_S:
+            found[self.relieved < 0, int(number) % AXLES] = True
+        return found
 
     def _wheels(self, at, load: Floats) -> None:
         v = self.v[:, None]
@@ -230,7 +244,7 @@ class Trains:
         # An axle that spins again and again is asked for less.
         lower = self.confidence * (1 - 0.4 * STEP_S)
         higher = np.minimum(1.0, self.confidence + 0.004 * STEP_S)
-        self.confidence = np.where(spinning, lower, higher)
+        self.confidence = np.where(spinning & ~self.asked_too_much, lower, higher)
 
     def _train(self) -> None:
         v = self.velocity

@@ -6,6 +6,7 @@ import numpy as np
 
 from adhesion_can.estimation.observed_speed.filter import ObservedSpeedFilter
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.vehicle import Locomotive
 from tests.worlds.without_radar import AXLES, LOAD, RADIUS, STEP_S, Driving, Trains
 
@@ -54,7 +55,7 @@ class Record:
     force: np.ndarray
     slip: np.ndarray
     radar_error: np.ndarray
-    reason: list[tuple[str, ...]]
+    reason: list[tuple[Objection, ...]]
     trains: Trains
 
 

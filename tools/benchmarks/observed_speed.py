@@ -22,10 +22,12 @@ from _observed_runs import (  # noqa: E402  after the path
     force_share,
     radar_error,
 )
+from _observed_service import SETPOINTS, serve  # noqa: E402
 from _report import Report  # noqa: E402
 from _rows import positive  # noqa: E402
 
 LARGEST_RMS, COVERAGE, LEAST_KNOWN, LEAST_FORCE = 0.002, (0.90, 0.97), 0.5, 0.98
+MOST_WRONG, LEAST_TRACKING = 0.02, 0.5
 SILENT = ("steady", "sweeps")
 """Ways that show no absolute speed: the slip must never be known."""
 WITH_RELIEFS = ("reliefs", "sweeps-reliefs")
@@ -84,6 +86,9 @@ def measure(report, options):
         f"{options.drives} {options.seeds} seeds from {first} on at each of {len(SPEEDS)} speeds, "
         f"{options.duration:g} s; error, coverage and share of all axles that pull"
     )
+    if options.service:
+        measure_service(report, options, seeds)
+        return
     references = {}
     for way in options.only:
         began = time.perf_counter()
@@ -100,6 +105,35 @@ def measure(report, options):
         report.write(f"({time.perf_counter() - began:.0f} s)")
 
 
+def measure_service(report, options, seeds):
+    """Setpoints of the service, by way of driving."""
+    for way in SETPOINTS:
+        began = time.perf_counter()
+        found = [serve(way, seed, v, options.duration) for seed in seeds for v in SPEEDS]
+        tracking, objected, wrong = (
+            np.array([getattr(one, name).mean() for one in found])
+            for name in ("tracking", "objected", "wrong")
+        )
+        report.write(
+            f"{way}: {len(found)} drives, a relief is missing {objected.mean():.1%} of the time; "
+            f"TRACKING and wrong in {(wrong > 0).sum()} of them, the worst {wrong.max():.1%}; "
+            f"TRACKING by speed: "
+            + ", ".join(f"{tracking[k :: len(SPEEDS)].mean():.0%}" for k in range(len(SPEEDS)))
+            + f" ({time.perf_counter() - began:.0f} s)"
+        )
+        if way.startswith("radar"):
+            report.write(f"  TRACKING {tracking.mean():.1%}, and wrong {wrong.mean():.2%}")
+            continue
+        report.at_most(f"{way}: TRACKING and wrong", wrong.mean(), MOST_WRONG, ".2%")
+        if way.endswith("excursions"):
+            report.check(
+                f"{way}: share of the time in TRACKING",
+                f"{tracking.mean():.0%}",
+                f"at least {LEAST_TRACKING:.0%}",
+                met=tracking.mean() >= LEAST_TRACKING,
+            )
+
+
 def parse_options(arguments=None):
     parser = argparse.ArgumentParser(prog="tools/bench observed-speed", description=__doc__)
     add, count = parser.add_argument, positive(int)
@@ -108,6 +142,8 @@ def parse_options(arguments=None):
     add("--drives", type=count, default=10, metavar="N", help="drives a speed (default 10)")
     add("--duration", type=positive(float), default=120.0, metavar="S", help="s (default 120)")
     add("--only", type=_ways, default=list(WAYS), metavar="WAY,..", help="ways (default all)")
+    about = "judge the setpoints of the whole service: a minute or two for each drive and way"
+    add("--service", action="store_true", help=about)
     return parser.parse_args(arguments)
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.values import Stateful
 
 COMMON_S, TREND_S = 0.3, 0.6
 """Time constants of the effort that all axles share, and of its trend, s: sweeps are followed."""
@@ -50,7 +51,7 @@ class AxleEfforts:
     relieved: NDArray[np.bool_]
 
 
-class EffortWatch:
+class EffortWatch(Stateful):
     """Follows the adhesion that each axle uses while it pulls, and keeps it during a relief.
 
     ln |μ_i| is a common level plus what each axle has beside the others. The level has little noise

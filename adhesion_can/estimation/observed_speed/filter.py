@@ -43,29 +43,42 @@ from adhesion_can.estimation.observed_speed.relief_watch import ReliefWatch
 from adhesion_can.estimation.observed_speed.result import ObservedSpeed
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.estimation.observed_speed.surface_gate import SurfaceGate
+from adhesion_can.estimation.observed_speed.surface_passage import SurfacePassage
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.values import Stateful
 
 
-class ObservedSpeedFilter:
-    """Filter of `drives` that run side by side; a service has one."""
+class ObservedSpeedFilter(Stateful):
+    """Filter of `drives` that run side by side; a service has one.
+
+    Args:
+        locomotive: Vehicle and its train.
+        settings: Uncertainties that are assumed; None: the defaults.
+        drives: Number of drives.
+        net_efforts: Whether efforts are given without what accelerates the wheelsets.
+
+    """
 
     def __init__(
         self,
         locomotive: Locomotive,
         settings: ObservedSpeedSettings | None = None,
         drives: int = 1,
+        *,
+        net_efforts: bool = False,
     ) -> None:
         self.settings = settings or ObservedSpeedSettings()
         self.axles = locomotive.axles
         self.drives = drives
-        self._locomotive = locomotive
         self._layout = SpeedStateLayout(locomotive.axles)
         self._radius = np.asarray(locomotive.wheel_radius)
+        self._own_inertia = 0.0 if net_efforts else locomotive.wheelset_inertia
         self._efforts = EffortWatch(drives, self.axles, self.settings)
         self._motion = Motion(locomotive, self.settings, drives)
         self._gate = SurfaceGate(drives, self.axles, self.settings)
         geometry = locomotive.geometry
         length = float(geometry.axle_places[-1]) if geometry else 0.0
+        self._passage = SurfacePassage(drives, self.axles, length)
         self._reliefs = ReliefWatch(drives, self.axles, length, self.settings)
         self._ramps = RampWatch(drives, self.axles)
         self.state: GaussianState | None = None
@@ -93,7 +106,8 @@ class ObservedSpeedFilter:
         Args:
             dt: Time since the last sample, s.
             wheel_speed: Angular speed of each wheel, rad/s, shape (drives, axles).
-            effort: Effort at the rim of each axle, N, along the direction of travel.
+            effort: Effort at the rim of each axle, N, along the direction of travel; without what
+                accelerates the wheelset where `net_efforts`.
             load: Load of each axle, N.
             gnss: Speed by satellites, m/s, shape (drives,); NaN where there is none now.
             acceleration: Longitudinal acceleration, m/s², without gravity's part, shape (drives,);
@@ -123,8 +137,8 @@ class ObservedSpeedFilter:
         rim = np.maximum(rim, 1e-3)
         last = rim if self._last_rim is None else self._last_rim
         self._last_rim = rim
-        # The effort still contains what accelerates the wheelset itself.
-        own = self._locomotive.wheelset_inertia / self._radius**2 * (rim - last) / dt
+        # An effort as it is measured still contains what accelerates the wheelset itself.
+        own = self._own_inertia / self._radius**2 * (rim - last) / dt
         force = effort - own
         noise = settings.effort_std / float(np.sqrt(samples))
         axles = self._efforts.update(force / load, dt, noise)
@@ -133,10 +147,13 @@ class ObservedSpeedFilter:
         state = self.state
         self._motion.predict(state, axles, force.sum(axis=1), dt)
         self._motion.go_beyond(state, self._reliefs.beyond(axles.mean))
-        change = self._measure_wheels(state, axles, np.log(rim), samples, dt)
+        deviates = self._measure_wheels(state, axles, np.log(rim), samples, dt)
         self._measure_gnss(state)
         self._measure_acceleration(state, dt)
         speed = np.exp(state.mean[:, SPEED])
+        change = self._passage.update(deviates, speed, dt)
+        if change.any():
+            self._motion.forget_curve(state, np.asarray(change.any(axis=1)))
         self._reliefs.update(axles, change, speed, dt)
         self._see_ramps(state, axles, change)
         self._share_curve(state, axles)
@@ -145,7 +162,7 @@ class ObservedSpeedFilter:
     def _measure_wheels(
         self, state: GaussianState, axles: AxleEfforts, y: Array, samples: int, dt: float
     ) -> NDArray[np.bool_]:
-        """Take the wheel speeds in; returns under which axles the surface has changed."""
+        """Take the wheel speeds in; returns which axles deviate from all others."""
         s, layout, x = self.settings, self._layout, state.mean
         settling = self._gate.settling(dt)
         used = (axles.pulls & ~settling) | axles.free
@@ -172,7 +189,6 @@ class ObservedSpeedFilter:
         )
         if change.any():
             self._motion.open_slips(state, change)
-            self._motion.forget_curve(state, np.asarray(change.any(axis=1)))
         used &= ~change
         H *= used[:, :, None]
         # A free axle shows the slips at this effort, and with those at another one the curve.
@@ -274,6 +290,7 @@ class ObservedSpeedFilter:
             slow_variance=variances[:, SPEED] * speed**2,
             slip=slip,
             slip_std=slip_std,
+            overall_std=overall,
             radius_factor=np.exp(x[:, layout.radii]),
             since_relief_s=self._reliefs.since_relief_s.copy(),
             known=verdict.known,

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.values import Stateful
 
 UNUSED = 1.0
 """Variance of a measurement that is not there; all others are below 1e-4."""
 
 
-class GaussianState:
+class GaussianState(Stateful):
     """Means (drives, n) and covariances (drives, n, n).
 
     One state is only considered (Schmidt 1966): its uncertainty counts, and no measurement changes

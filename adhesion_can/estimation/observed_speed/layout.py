@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from adhesion_can.values import Value
+
 SPEED, DISTURBANCE, LOG_HALF, FIRST_SLIP = 0, 1, 2, 3
 """Places of ln v, of the disturbance acceleration (m/s²), of the curve's ln a, and of the slips."""
 LOWEST_SPEED = 1.0
@@ -14,7 +16,7 @@ An error that stays is not white: its variance counts so many times.
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedStateLayout:
+class SpeedStateLayout(Value):
     """Places in the state of a vehicle with a number of axles.
 
     Attributes:

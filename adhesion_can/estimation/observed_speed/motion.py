@@ -16,6 +16,7 @@ from adhesion_can.estimation.observed_speed.layout import (
 )
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.physics.vehicle import GRAVITY, Locomotive
+from adhesion_can.values import Stateful
 
 SURGE_S = 0.7
 """Time constant with which a locomotive comes to rest on its coupler, s."""
@@ -33,7 +34,7 @@ LARGEST_FACTOR = 2.0
 """Largest factor of the slips' standard deviation in a step along the curve, 1."""
 
 
-class Motion:
+class Motion(Stateful):
     """Prediction step of the filter."""
 
     def __init__(

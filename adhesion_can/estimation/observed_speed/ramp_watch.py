@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts
 from adhesion_can.estimation.observed_speed.ramp_fit import RampSamples
+from adhesion_can.values import Stateful, Value
 
 KEPT_S = 4.0
 """Time for which samples are kept, s."""
@@ -18,7 +20,16 @@ LEAST_OTHERS = 2
 """Axles that must pull all the time, beside which the relieved one is seen."""
 
 
-class RampWatch:
+@dataclass(frozen=True, slots=True)
+class _Kept(Value):
+    """Sample of all drives: time, s; rim speeds, m/s, and adhesions, 1, both (drives, axles)."""
+
+    time_s: float
+    rim: Array
+    adhesion: Array
+
+
+class RampWatch(Stateful):
     """Samples of drives that run side by side.
 
     Args:
@@ -28,7 +39,7 @@ class RampWatch:
     """
 
     def __init__(self, drives: int, axles: int) -> None:
-        self._samples: deque[tuple[float, Array, Array]] = deque()
+        self._samples: deque[_Kept] = deque()
         self._now_s = 0.0
         shape = (drives, axles)
         self._since_s = np.full(shape, np.nan)
@@ -38,8 +49,8 @@ class RampWatch:
     def add(self, dt: float, rim: Array, adhesion: Array) -> None:
         """Keep a sample: rim speeds, m/s, and adhesions, 1, both (drives, axles)."""
         self._now_s += dt
-        self._samples.append((self._now_s, rim, adhesion))
-        while self._samples[0][0] < self._now_s - KEPT_S:
+        self._samples.append(_Kept(self._now_s, rim, adhesion))
+        while self._samples[0].time_s < self._now_s - KEPT_S:
             self._samples.popleft()
 
     def update(
@@ -78,7 +89,7 @@ class RampWatch:
     def _cut(
         self, drive: int, start_s: float, sign: float, others: list[int], slip: Array
     ) -> RampSamples:
-        chosen = [(rim[drive], used[drive]) for t, rim, used in self._samples if t >= start_s]
-        rim = np.array([one for one, _ in chosen])
-        adhesion = np.array([one for _, one in chosen])
+        chosen = [one for one in self._samples if one.time_s >= start_s]
+        rim = np.array([one.rim[drive] for one in chosen])
+        adhesion = np.array([one.adhesion[drive] for one in chosen])
         return RampSamples(np.log(np.maximum(rim, 1e-3)), sign * adhesion, others, slip[drive])

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.axle_efforts import AxleEfforts
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.physics.objection import Objection
+from adhesion_can.values import Stateful
 
 QUIET_S = 0.3
 """Time without a change after which a relief is worth its cost, s."""
@@ -27,10 +29,10 @@ class ReliefVerdict:
 
     known: NDArray[np.bool_]
     wanted: NDArray[np.bool_]
-    reasons: tuple[str, ...]
+    reasons: tuple[Objection, ...]
 
 
-class ReliefWatch:
+class ReliefWatch(Stateful):
     """Times since the last relief, the last change and the last speed by satellites."""
 
     def __init__(
@@ -113,10 +115,19 @@ class ReliefWatch:
         radii = (~sharp | moved) & (self.since_relief_s >= again_s)
         wanted = (self._changed & waited & (self.since_relief_s > 0)) | (radii & ~self._changed)
         reasons = tuple(
-            "" if k else "change" if c else "relief" if not r else "effort" if m else "radii"
+            Objection.NONE if k else _reason(changed=c, recent=r, moved=m)
             for k, c, r, m in zip(known, self._changed, recent, moved, strict=True)
         )
         return ReliefVerdict(known, wanted, reasons)
+
+
+def _reason(*, changed: bool, recent: bool, moved: bool) -> Objection:
+    """Why a slip is not known; the first of several."""
+    if changed:
+        return Objection.RAIL_CHANGED
+    if not recent:
+        return Objection.NO_RELIEF
+    return Objection.EFFORTS_ROSE if moved else Objection.RADII_UNCERTAIN
 
 
 def _log_level(adhesion: Array) -> Array:

@@ -6,18 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-
-NEEDS = {
-    "relief": "relieve one axle for a second",
-    "radii": "relieve another axle for a second: the wheel radii are not known well enough",
-    "effort": "the effort has changed since the last relief: relieve one axle for a second",
-    "change": "the surface has changed: relieve one axle for a second",
-}
-"""What is missing for a known slip, by its reason."""
+from adhesion_can.physics.objection import Objection
+from adhesion_can.values import Value
 
 
 @dataclass(frozen=True, slots=True)
-class ObservedSpeed:
+class ObservedSpeed(Value):
     """Speed and slips of drives that run side by side.
 
     Attributes:
@@ -26,11 +20,12 @@ class ObservedSpeed:
         slow_variance: Variance of the speed that lasts for seconds and longer, m²/s².
         slip: Slip ratio of each axle, 1, shape (drives, axles).
         slip_std: Standard deviation of each slip, 1, shape (drives, axles).
+        overall_std: Root mean square of `slip_std` over the axles that pull, 1, shape (drives,).
         radius_factor: True over nominal radius of each wheel, 1, shape (drives, axles).
         since_relief_s: Time since an axle was last free, s; infinite: never. Shape (drives,).
         known: Whether the slip is known, shape (drives,).
         relief_wanted: Whether a relief is needed now, shape (drives,).
-        reasons: Key of `NEEDS` of each drive whose slip is not known, else an empty text.
+        reasons: Why the slip of each drive is not known; none where it is.
 
     """
 
@@ -39,13 +34,9 @@ class ObservedSpeed:
     slow_variance: Array
     slip: Array
     slip_std: Array
+    overall_std: Array
     radius_factor: Array
     since_relief_s: Array
     known: NDArray[np.bool_]
     relief_wanted: NDArray[np.bool_]
-    reasons: tuple[str, ...]
-
-    def missing(self, drive: int = 0) -> str:
-        """What is missing for a known slip, in words; empty where nothing is."""
-        reason = self.reasons[drive]
-        return NEEDS[reason] if reason else ""
+    reasons: tuple[Objection, ...]

@@ -10,6 +10,19 @@ Positive = Within(1e-9, 1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ObservedSpeedSwitch(Value):
+    """Vehicle speed that wheels and efforts show, in place of a measured one.
+
+    Attributes:
+        enabled: Whether the vehicle speed is observed. The driver or the drive has to relieve an
+            axle now and then; roles `vehicle_speed` and `vehicle_speed_source` are not used.
+
+    """
+
+    enabled: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedSpeedSettings(Value):
     """Uncertainties that the filter assumes, and its conditions for a known slip.
 
@@ -39,7 +52,6 @@ class ObservedSpeedSettings(Value):
         ramp_std: The same for what a ramp shows, by the form of the curve alone.
         half_wander: Change of that logarithm along ln μ as a random walk, 1.
         form_std: Error of a change of the slip along the hyperbola, as a share of it.
-        apart_std: The same for the axles beside each other.
         apart_std: The same for the axles beside each other.
         beyond: d ln λ/d ln μ that is possible above the largest effort at which an axle was
             relieved, where no ramp has shown the curve.

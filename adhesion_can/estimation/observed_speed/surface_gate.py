@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.values import Stateful
 
 MEAN_GAIN, MEAN_SCORE_STD = 0.25, 0.5
 """Gain of the mean deviation of an axle over blocks, and its standard deviation.
@@ -13,7 +14,7 @@ It is 0.38 for deviations that are white; the rest is a reserve for those that a
 """
 
 
-class SurfaceGate:
+class SurfaceGate(Stateful):
     """Deviation of each axle in a block, and its exponential mean (Roberts 1959)."""
 
     def __init__(self, drives: int, axles: int, settings: ObservedSpeedSettings) -> None:

@@ -2,8 +2,6 @@
 
 from collections import deque
 from copy import deepcopy
-from dataclasses import replace
-from math import inf
 
 import numpy as np
 
@@ -11,7 +9,7 @@ from adhesion_can.estimation.estimator import Estimator
 from adhesion_can.estimation.plausibility.settings import PlausibilitySettings
 from adhesion_can.estimation.plausibility.watch import PlausibilityWatch
 from adhesion_can.estimation.tracker.points import is_valid
-from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.physics.vehicle import Locomotive
@@ -110,15 +108,7 @@ class WatchedEstimator(Stateful):
             objection = self._further_objection(estimate)
         if objection is Objection.NONE:
             return estimate
-        return replace(
-            estimate,
-            objection=objection,
-            mu_max_std=inf,
-            lambda_m_std=inf,
-            identifiable=Identifiable(mu_max=False, lambda_m=False),
-            mu_max_interval=(-inf, inf),
-            lambda_m_interval=(-inf, inf),
-        )
+        return estimate.objected(objection)
 
     def _further_objection(self, estimate: Estimate) -> Objection:
         """Objection by the estimate itself, or by what was left out of it."""

@@ -13,7 +13,7 @@ from adhesion_can.offline.check_table import TableCheck
 from adhesion_can.offline.recording_fit import BusMisfit
 from adhesion_can.physics.doubt import DESCRIPTIONS, Doubt
 from adhesion_can.physics.estimate import Estimate
-from adhesion_can.physics.objection import WORDINGS, Objection
+from adhesion_can.physics.objection import NEEDS_RELIEF, WORDINGS, Objection
 from adhesion_can.reporting.check_words import WRONG
 from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 from adhesion_can.reporting.objections import ObjectionLog, Stretch
@@ -139,8 +139,10 @@ def _after_objection(longest: Stretch, times: TimeScale, typed: Typed) -> NextSt
     objection = longest.objection
     when = times.span(longest.from_us, longest.to_us)
     finding = f"The service objects to the readings, longest at {when} s: "
-    if objection in _INSTRUMENTS:
-        again = typed.command("replay", typed.new_file("NEW"), *_model(typed))
+    again = typed.command("replay", typed.new_file("NEW"), *_model(typed))
+    if objection in NEEDS_RELIEF:
+        action = f"record a drive with more reliefs ({WORDINGS[objection].fix}), then {again}"
+    elif objection in _INSTRUMENTS:
         action = f"check {_INSTRUMENTS[objection]} at this time, record again, then {again}"
     else:
         action = f"{WORDINGS[objection].fix}, then {typed.on_inputs('replay', *_model(typed))}"

@@ -26,7 +26,8 @@ def plain_line(snapshot: Snapshot) -> str:
             f"objection {service.objection.json_name or '-'}",
         ]
     speed = None if snapshot.speed is None else 3.6 * snapshot.speed
-    parts.append(f"speed {_number(speed, 1)} km/h")
+    observed = snapshot.is_speed_observed
+    parts.append("speed observed" if observed else f"speed {_number(speed, 1)} km/h")
     slips = [axle.slip for axle in snapshot.axles if axle.slip is not None]
     parts.append(f"slip {min(slips):.4f} .. {max(slips):.4f}" if slips else "slip -")
     parts.append(f"{snapshot.frame_rate:.0f} frames/s")
@@ -73,6 +74,7 @@ def snapshot_document(snapshot: Snapshot) -> dict[str, Any]:
         "objection": None if service is None else service.objection.json_name,
         "surface_age_s": None if service is None else _rounded(service.surface_age_s),
         "speed_mps": _rounded(snapshot.speed),
+        **({"speed_source": "observed"} if snapshot.is_speed_observed else {}),
         "axles": [_axle(axle) for axle in snapshot.axles],
         "frames": snapshot.frames,
         "frames_per_s": _rounded(snapshot.frame_rate),

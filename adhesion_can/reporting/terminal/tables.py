@@ -51,6 +51,8 @@ def axle_panel(snapshot: Snapshot, width: int, height: int) -> list[Text]:
         hidden = len(rows) - (room - 1)
         rows = [*rows[: room - 1], Text(f"+{hidden} axles: enlarge the terminal", "dim")]
     speed = "" if snapshot.speed is None else f", at {3.6 * snapshot.speed:.1f} km/h"
+    if snapshot.is_speed_observed:
+        speed = ", speed observed"
     return boxed(f"axles, creep in m/s{speed}", lines + rows, width, height)
 
 

@@ -119,6 +119,11 @@ def _service_sentences(snapshot: Snapshot, service: ServiceView | None) -> Itera
     for sentence in (objection_sentence(service.objection), doubt_sentence(service.doubt)):
         if sentence:
             yield Text(f"{sentence[:1].upper()}{sentence[1:]}.", "magenta")
+    if snapshot.is_speed_observed:
+        yield Text(
+            "The service observes the vehicle speed by wheels and efforts; it is not on the bus, "
+            "so no slips are shown here."
+        )
     yield from map(Text, snapshot.remarks)
     if service.creep_speed is not None and snapshot.speed is not None:
         yield Text(_held(snapshot, service.creep_speed, snapshot.speed))
@@ -168,7 +173,7 @@ def _reason(snapshot: Snapshot, service: ServiceView) -> str:
             "The vehicle speed is derived from driven axles, so the slip is hardly known: use "
             "radar, GNSS or a trailing axle."
         )
-    no_samples = _no_samples(snapshot)
+    no_samples = "" if snapshot.is_speed_observed else _no_samples(snapshot)
     return no_samples or _needed_creep(snapshot, service)
 
 

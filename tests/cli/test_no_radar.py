@@ -1,0 +1,67 @@
+"""What a user types who has no radar: simulate, replay with the switch, see TRACKING."""
+
+import csv
+import json
+
+import pytest
+
+from adhesion_can.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("no_radar")
+    (folder / "observed.toml").write_text("[observed_speed]\nenabled = true\n", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rows(folder):
+    log, table = str(folder / "d.log"), folder / "d.csv"
+    typed = f"simulate --scenario wet --no-radar --duration 25 --seed 1 --log {log}"
+    assert main(typed.split()) == 0
+    typed = f"replay {log} --config {folder / 'observed.toml'} --table {table}"
+    assert main([*typed.split(), "--json", str(folder / "d.json")]) == 0
+    with table.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_status_is_tracking_behind_the_first_reliefs(rows):
+    tracking = [float(row["time_s"]) for row in rows if row["status"] == "TRACKING"]
+    assert len(tracking) > 20
+    # The first relief takes until 3.4 s.
+    assert min(tracking) > 3.4
+    for row in rows:
+        if row["status"] == "TRACKING":
+            assert row["objection"] == "NONE"
+            assert row["speed_source"] == "observed"
+            assert abs(float(row["mu_max"]) / 0.2456 - 1) < 0.1
+
+
+def test_without_a_relief_the_words_say_what_is_missing(rows, folder):
+    early = [row for row in rows if 1.0 < float(row["time_s"]) < 2.9]
+    assert {row["status"] for row in early} == {"LOW_EXCITATION"}
+    assert {row["objection"] for row in early} == {"NO_RELIEF"}
+    document = json.loads((folder / "d.json").read_text())
+    assert "no_relief" in document["setpoints_by_objection"]
+    assert "STALE_INPUT" not in document["setpoints_by_status"]
+
+
+@pytest.mark.usefixtures("rows")
+def test_without_the_switch_the_message_is_missing(folder, capsys):
+    assert main(["replay", str(folder / "d.log"), "--to", "2"]) == 2
+    assert "VehicleSpeed 0x111" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("other", [["--closed-loop"], ["--closed-loop", "--plan", "p.toml"]])
+def test_the_drive_of_no_radar_follows_nobody(other, folder, capsys):
+    (folder / "p.toml").write_text("")
+    typed = ["simulate", "--scenario", "wet", "--no-radar", "--log", str(folder / "x.log"), *other]
+    assert main(typed) == 2
+    assert "--no-radar" in capsys.readouterr().err or "--plan" in other
+
+
+def test_a_service_that_observes_cannot_learn(folder, capsys):
+    typed = ["run", "-i", "virtual", "-c", "no_radar", "--config", str(folder / "observed.toml")]
+    assert main([*typed, "--learn", "propose", "--learn-to", str(folder / "models")]) == 2
+    assert "measured vehicle speed" in capsys.readouterr().err

@@ -1,0 +1,243 @@
+"""Samples in front of an estimator get the observed speed, or are left out where it is unknown."""
+
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adhesion_can.estimation.observed_speed.axle_rows import AxleRows
+from adhesion_can.estimation.observed_speed.estimator import ObservedSpeedEstimator
+from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
+from adhesion_can.estimation.observed_speed.speed_observer import (
+    ObservedBlock,
+    SpeedObserver,
+    with_speed,
+)
+from adhesion_can.physics.doubt import Doubt
+from adhesion_can.physics.estimate import Estimate, Identifiable
+from adhesion_can.physics.objection import Objection
+from adhesion_can.physics.samples import NO_SAMPLES, Sample, Samples
+from adhesion_can.physics.vehicle import Locomotive
+from tests.estimation.observed_speed.straight_drive import LOAD
+
+CYCLE_US = 10_000
+SPEED, SLIP, ADHESION = 15.0, 0.006, 0.12
+
+
+def row_of(t_us, slips, adhesion=ADHESION, speed=SPEED, reference=1.01):
+    """Samples of all axles at a stamp, against a reference speed that is off."""
+    adhesion = np.broadcast_to(adhesion, (6,))
+    other = reference * speed
+    return Samples.from_rows(
+        Sample(
+            t_us, axle, speed * (1 + slip) / other - 1, float(used),
+            speed * (1 + slip) - other, other, LOAD, slip_var=1e-8, speed_us=t_us,
+        )
+        for axle, (slip, used) in enumerate(zip(slips, adhesion, strict=True), 1)
+    )  # fmt: skip
+
+
+class Kept:
+    """An estimator that keeps its samples, and whose estimate numbers them."""
+
+    doubt = Doubt.NONE
+    lambda_m = 0.05
+
+    def __init__(self):
+        self.parts = [NO_SAMPLES]
+
+    def update(self, samples, now_us):
+        self.parts.append(samples)
+        count = sum(map(len, self.parts))
+        if not count:
+            return None
+        return Estimate(
+            c1=0.4, c2=60.0, c3=0.3, covariance=np.eye(3), mu_max=0.3, mu_max_std=0.001,
+            lambda_m=self.lambda_m, lambda_m_std=0.002, noise_std=0.01, samples=count,
+            identifiable=Identifiable(mu_max=True, lambda_m=True), surface_since_us=0,
+            change_probability=0.9, doubt=self.doubt,
+        )  # fmt: skip
+
+
+class Drive:
+    """A drive at a constant speed whose samples go to the estimator; an axle may be relieved."""
+
+    def __init__(self, seed=0):
+        self.rng = np.random.default_rng(seed)
+        self.estimator = ObservedSpeedEstimator(
+            Kept, Locomotive(), ObservedSpeedSettings(), CYCLE_US, largest_std=0.3, tests_curve=True
+        )
+        self.t_us = 0
+        self.ramp = np.ones(6)
+        self.used = []
+
+    def run(self, duration_s, relieved=None, lost=()):
+        for _ in range(round(duration_s * 1e6 / CYCLE_US)):
+            goal = np.ones(6)
+            if relieved is not None:
+                goal[relieved] = 0.0
+            self.ramp += np.clip(goal - self.ramp, -0.07, 0.07)
+            slips = SLIP * self.ramp**3 + self.rng.normal(0, 1e-4, 6)
+            adhesion = ADHESION * self.ramp + self.rng.normal(0, 0.01, 6)
+            samples = row_of(self.t_us, slips, adhesion, reference=1 + 0.02 * self.rng.random())
+            samples = samples.select(~np.isin(samples.axle, lost))
+            estimate = self.estimator.update(samples, self.t_us + CYCLE_US)
+            self.used.append(self.estimator.used)
+            self.t_us += CYCLE_US
+        return estimate
+
+    def relieve(self, axle):
+        self.run(1.0, relieved=axle)
+        return self.run(1.0)
+
+
+@pytest.fixture(scope="module")
+def known():
+    """A drive whose slips three reliefs have shown."""
+    drive = Drive()
+    drive.run(2.0)
+    for axle in (0, 2, 4):
+        estimate = drive.relieve(axle)
+    return drive, estimate
+
+
+def test_without_a_relief_the_estimate_has_an_objection_and_is_not_identifiable():
+    drive = Drive()
+    estimate = drive.run(2.0)
+    assert estimate.objection is Objection.NO_RELIEF
+    assert not estimate.identifiable.mu_max
+    assert not estimate.identifiable.lambda_m
+    assert np.isinf(estimate.lambda_m_std)
+    assert estimate.change_probability == 0.0
+    assert estimate.samples > 1000
+
+
+def test_the_first_known_slips_begin_a_new_estimate(known):
+    drive, estimate = known
+    assert estimate.objection is Objection.NONE
+    assert estimate.identifiable.both
+    assert estimate.change_probability == 0.9
+    # Nothing of the first two seconds is in it.
+    assert estimate.samples == sum(len(one) for one in drive.estimator.inner.parts)
+    assert drive.estimator.inner.parts[1].t_us[0] > 2_000_000
+
+
+def test_the_errors_of_the_slips_are_in_the_standard_deviation_of_their_peak(known):
+    _, estimate = known
+    assert 0.002 < estimate.lambda_m_std < np.hypot(0.002, 0.002)
+    assert estimate.mu_max_std == 0.001
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"), [("doubt", Doubt.NOT_AVAILABLE), ("lambda_m", 0.0067)]
+)
+def test_a_peak_is_not_identifiable_if_untested_or_at_slips_like_their_errors(
+    known, attribute, value
+):
+    drive = deepcopy(known[0])
+    setattr(drive.estimator.inner, attribute, value)
+    estimate = drive.run(0.1)
+    assert estimate.objection is Objection.NONE
+    assert not estimate.identifiable.mu_max
+    assert not estimate.identifiable.lambda_m
+    assert np.isinf(estimate.mu_max_std)
+    assert np.isinf(estimate.lambda_m_std)
+
+
+def test_samples_have_the_observed_speed_and_their_slips_are_right(known):
+    drive, estimate = known
+    samples = Samples.concatenate(drive.used[-50:])
+    pulling = samples.adhesion > 0.5 * ADHESION
+    assert estimate.observed_speed == pytest.approx(SPEED, rel=0.002)
+    assert np.abs(samples.speed / SPEED - 1).max() < 0.002
+    assert np.sqrt(np.mean((samples.slip[pulling] - SLIP) ** 2)) < 0.002
+    assert np.allclose(samples.creep_speed, samples.slip * samples.speed)
+    assert np.all(np.diff(samples.t_us) >= 0)
+    # All samples come, each once.
+    assert len(samples) == pytest.approx(300, abs=60)
+    assert len(np.unique(10 * samples.t_us + samples.axle)) == len(samples)
+
+
+def test_an_old_relief_leaves_the_estimate_as_it_was(known):
+    drive = deepcopy(known[0])
+    before = len(drive.estimator.inner.parts)
+    estimate = drive.run(27.0)
+    assert estimate.objection is Objection.NO_RELIEF
+    count = sum(map(len, drive.estimator.inner.parts))
+    drive.run(1.0)
+    assert sum(map(len, drive.estimator.inner.parts)) == count > before
+
+
+def test_a_copy_goes_its_own_way(known):
+    drive = deepcopy(known[0])
+    state = drive.rng.bit_generator.state
+    copied = deepcopy(drive.estimator)
+    drive.run(1.5, relieved=1)
+    twin = deepcopy(drive)
+    twin.estimator, twin.t_us, twin.used = copied, drive.t_us - 1_500_000, []
+    twin.ramp = np.ones(6)
+    twin.rng.bit_generator.state = state
+    twin.run(1.5, relieved=1)
+    assert twin.used[-1].equals(drive.used[-1])
+    assert twin.estimator.update(NO_SAMPLES, 0).observed_speed == (
+        drive.estimator.update(NO_SAMPLES, 0).observed_speed
+    )
+
+
+def test_a_copy_that_is_dropped_leaves_nothing_behind():
+    """Work ahead of a due time is done on a copy, which is dropped where more samples come."""
+    drive = Drive()
+    drive.run(2.0)
+    dropped = deepcopy(drive)
+    for axle in (0, 2, 4):
+        first, second = dropped.relieve(axle), drive.relieve(axle)
+    assert first.objection is Objection.NONE
+    assert second.samples == first.samples
+
+
+def test_a_short_gap_is_bridged_and_a_longer_one_starts_again(known):
+    drive = deepcopy(known[0])
+    drive.run(0.08, lost=(3,))
+    assert drive.run(0.5).objection is Objection.NONE
+    drive.run(0.3, lost=(3,))
+    assert drive.run(0.5).objection is Objection.NO_RELIEF
+
+
+def test_rows_pair_the_samples_of_one_cycle():
+    rows = AxleRows(6, CYCLE_US)
+    slips = np.arange(6) / 1000
+    later = replace(row_of(20_000, slips), t_us=np.array([20_000] * 3 + [24_000] * 3))
+    assert rows.add(row_of(10_000, slips).select(np.arange(3))) == []
+    # Of axles 4 to 6 the samples of that cycle are lost.
+    (row,) = rows.add(later)
+    assert row.t_us == 22_000
+    assert row.rim == pytest.approx(SPEED * (1 + slips))
+    assert row.adhesion == pytest.approx([ADHESION] * 6)
+    assert rows.add(row_of(31_000, slips).select(np.arange(5))) == []
+
+
+def test_a_speed_between_two_blocks():
+    factor = np.array([1.0, 1.001, 1.0, 1.0, 1.0, 1.0])
+    before = ObservedBlock(0, 15.0, 4e-6, factor, 0.001, Objection.NONE)
+    block = ObservedBlock(50_000, 15.1, 4e-6, factor, 0.001, Objection.NONE)
+    found = with_speed(row_of(10_000, [0.006] * 6), before, block)
+    assert found.speed == pytest.approx([15.02] * 6)
+    rim = 15.0 * 1.006
+    assert found.slip[0] == pytest.approx(rim / 15.02 - 1)
+    assert found.slip[1] == pytest.approx(1.001 * rim / 15.02 - 1)
+    assert found.slip_common_var == pytest.approx([4e-6 / 15.02**2] * 6)
+    assert found.slip_var == pytest.approx([1e-8 * (1.01 * 15.0 / 15.02) ** 2] * 6)
+    assert found.speed_us.tolist() == [50_000] * 6
+    assert found.speed_share == pytest.approx([0.2] * 6)
+
+
+def test_samples_before_the_first_block_are_left_out():
+    observer = SpeedObserver(Locomotive(), ObservedSpeedSettings(), CYCLE_US)
+    found = []
+    for k in range(12):
+        found += observer.add(row_of(k * CYCLE_US, [SLIP] * 6))
+    samples = Samples.concatenate([one.samples for one in found])
+    # Blocks of five rows: the middle of the first is at 20 ms, that of the second at 70 ms.
+    assert sorted(set(samples.t_us.tolist())) == [30_000, 40_000, 50_000, 60_000, 70_000]
+    assert not any(one.is_known for one in found)
