@@ -51,7 +51,8 @@ class Sensors:
 
     def __post_init__(self) -> None:
         # The ranges are those of a file: the resolution of the signals adds to the largest, too.
-        if not min(self.wheel_speed_std, self.vehicle_speed_std, self.effort_std) >= 0:
+        stds = (self.wheel_speed_std, self.vehicle_speed_std, self.effort_std)
+        if not all(std >= 0 for std in stds):
             raise ValueError("standard deviations must not be negative")
 
 

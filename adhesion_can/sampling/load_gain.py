@@ -72,9 +72,11 @@ class LoadGain(Stateful):
         square = np.maximum(yy - 2.0 * slope * xy + slope * slope * xx, 0.0)
         var = (PRIOR_COUNT * self._prior_var + square) / (PRIOR_COUNT + n)
         gain = xy / (xx + var)
-        # Errors that grow with the transfer: the load follows late, or not always.
+        # Errors that grow with the transfer: the load follows late, or not always. `var` is the
+        # mean of all squares, these included, whose share is taken off the sum of x⁴.
         weighted = x2y2 - 2.0 * gain * x3y + gain * gain * x4 - var * xx
-        scatter = np.clip(weighted / (x4 + self._prior_var**2), 0.0, 1.0)
+        spread = x4 - xx * xx / (PRIOR_COUNT + n) + self._prior_var**2
+        scatter = np.clip(weighted / spread, 0.0, 1.0)
         return gain, var / (xx + var) + scatter
 
     def at(self, t_us: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -173,8 +173,9 @@ def test_only_forward_and_reverse_are_ways_to_go():
 @pytest.mark.parametrize("name", ["wheel_speed_std", "vehicle_speed_std", "effort_std"])
 def test_standard_deviations_may_be_0_and_not_below(name):
     assert getattr(Sensors(**{name: 0.0}), name) == 0.0
-    with pytest.raises(ValueError, match="must not be negative"):
-        Sensors(**{name: -1e-9})
+    for std in (-1e-9, float("nan")):
+        with pytest.raises(ValueError, match="must not be negative"):
+            Sensors(**{name: std})
 
 
 def test_rows_are_selected_in_all_columns():

@@ -55,11 +55,19 @@ def test_many_changes_show_the_gain_whatever_their_noise(gain, noise):
     ],
 )
 def test_gains_that_differ_from_change_to_change_stay_as_doubt(draw, mean, spread):
-    """By moments: errors e = (g − mean) x + noise have E[e² x²] − E[e²] E[x²] = 2 spread² E[x²]²
-    where x is normal, and E[x⁴] is 3 E[x²]²."""
     (value,), (std,) = at(learnt(changes(draw, n=20_000, noise=0.3 * NOISE)), 10**9)
     assert value == pytest.approx(mean, abs=0.02)
-    assert std == pytest.approx(spread * (2.0 / 3.0) ** 0.5, rel=0.05)
+    assert std == pytest.approx(spread, rel=0.05)
+
+
+def test_a_scatter_is_found_where_all_transfers_have_one_size():
+    """Transfers of ±1e4 N: what the errors exceed the expected noise by is the scatter."""
+    rng = np.random.default_rng(5)
+    transfer = 1e4 * rng.choice([-1.0, 1.0], 20_000)
+    load = rng.normal(0.8, 0.3, 20_000) * transfer + rng.normal(0.0, NOISE, 20_000)
+    (value,), (std,) = at(learnt(Changes(np.arange(20_000) * 200, transfer, load)), 10**9)
+    assert value == pytest.approx(0.8, abs=0.02)
+    assert std == pytest.approx(0.3, rel=0.05)
 
 
 def test_one_change_counts_as_much_as_what_is_known_beforehand_says():

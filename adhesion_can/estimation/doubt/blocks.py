@@ -130,8 +130,12 @@ class BlockSeries(Stateful):
         if len(self) < MOST:
             return
         if self.block_s >= LONGEST_S:
-            del (self._earlier or self.blocks)[0]
-            self.candidates = [k - (not self._earlier) for k in self.candidates]
+            if self._earlier:
+                del self._earlier[0]
+                return
+            del self.blocks[0]
+            # A change before all blocks that are kept has nothing to end.
+            self.candidates = [k - 1 for k in self.candidates if k > 1]
             return
         # What comes after a possible change must not be merged with what came before.
         kept = self.candidates[0] if self.candidates else len(self.blocks)

@@ -147,6 +147,27 @@ def test_candidates_keep_their_places_when_blocks_before_them_go() -> None:
     assert fresh.candidates == [MOST - 2]
 
 
+def test_a_candidate_marks_the_same_block_until_all_before_it_are_gone() -> None:
+    """Also when the last block of the surface before goes, which moves no block of this one."""
+    blocks = make_blocks(make_samples(np.random.default_rng(7), MOST + 4))
+    series = series_of(blocks[:2])
+    series.end_surface(2, PooledCurve(THETA))
+    for block in blocks[2:5]:
+        series.append(block)
+    series.block_s = 8.0
+    series.add_candidate()
+    first_after = blocks[5]
+    places = []
+    for block in blocks[5:]:
+        series.append(block)
+        places += series.candidates
+        for place in series.candidates:
+            assert series.blocks[place] is first_after
+    # Two blocks of the surface before go, then two of this one; then none is left to end.
+    assert sorted(set(places), reverse=True) == [3, 2, 1]
+    assert series.candidates == []
+
+
 def test_what_errors_of_the_slips_add_is_carried_over_a_change_as_the_sums_are() -> None:
     """Projected onto the same tangents; with it the sums of both surfaces are positive again."""
     samples = make_samples(np.random.default_rng(8), 20)
