@@ -41,7 +41,7 @@ from adhesion_can.bus.shared_signals import find_shared
 from adhesion_can.bus.signal_columns import find_obstacle
 from adhesion_can.bus.signal_signs import Signs, signs_of
 from adhesion_can.bus.units import UNITS, find_factor, to_si
-from adhesion_can.physics.readings import PER_AXLE, Role
+from adhesion_can.physics.readings import PER_AXLE, SPEED_AIDS, Role
 from adhesion_can.physics.vehicle import MOST_AXLES
 
 LEAST_SCORE = 3
@@ -183,7 +183,7 @@ def _guesses(message: Message, signal: Signal, letter: int | None) -> Iterable[R
     if find_obstacle(signal, message):
         return
     place = _place(message, signal, letter)
-    for role in (role for role in Role if role is not Role.CHANNEL):
+    for role in (role for role in Role if role is not Role.CHANNEL and role not in SPEED_AIDS):
         # A motor or a bogie has an effort that counts; its speed and its load are other quantities.
         against = AGAINST - GROUPS.keys() if role is Role.TRACTIVE_EFFORT else AGAINST
         if set(words) & against or place.excludes(role, words):

@@ -27,6 +27,8 @@ UNITS: dict[Role, dict[str, float]] = {
     Role.RAIN: _NUMBER,
     Role.GRADIENT: {"permille": 1e-3, "‰": 1e-3, "%": 1e-2, "m/m": 1.0},
     Role.CURVATURE: {"1/km": 1e-3, "1/m": 1.0},
+    Role.GNSS_SPEED: _LINEAR,
+    Role.ACCELERATION: {"m/s²": 1.0, "m/s^2": 1.0, "m/s2": 1.0, "g": GRAVITY, "mg": GRAVITY / 1e3},
 }
 """Factor to SI of every unit that a role accepts."""
 

@@ -16,7 +16,6 @@ from adhesion_can.bus.roles import (
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.doubt.settings import EXACT
 from adhesion_can.estimation.estimator import Estimator
-from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
 from adhesion_can.estimation.registry import (
     DEFAULT,
     EstimatorSettings,
@@ -274,6 +273,7 @@ class Configuration:
             PERFECT if model is None else model.instruments,
             with_travel=model is not None,
             channels=tuple(channel.name for channel in self.channels),
+            with_aids=self.observes_speed,
         )
 
     def make_rim_speed(self) -> RimSpeed | None:
@@ -318,7 +318,7 @@ class Configuration:
         return ObservedSpeedEstimator(
             partial(self._make_curve_estimator, name),
             self.vehicle,
-            ObservedSpeedSettings(),
+            self.estimators.observed_speed.settings,
             cycles_by_role(self.messages)[Role.WHEEL_SPEED],
             largest_std=self.estimators.identifiability.lambda_m_std,
             tests_curve=self.find_estimator(name) is make_default and self.estimators.doubt.enabled,
@@ -338,7 +338,8 @@ class Configuration:
                 settings = replace(settings, doubt=measured)
         if self.observes_speed:
             # What is observed wanders by as much as it may be off while the slips are known.
-            error = max(settings.instruments.speed_error_std, ObservedSpeedSettings().slip_std)
+            lasting = self.estimators.observed_speed.settings.slip_std
+            error = max(settings.instruments.speed_error_std, lasting)
             instruments = replace(settings.instruments, speed_error_std=error)
             settings = replace(settings, instruments=instruments)
         estimator = (

@@ -15,7 +15,7 @@ from adhesion_can.bus.signal_signs import Signs, signs_of, stated_range
 from adhesion_can.config.toml_text import quoted
 from adhesion_can.config.vehicle_section import FILL_IN, VEHICLE_DATA, vehicle_example
 from adhesion_can.estimation.doubt.settings import HEAVY_LOAD, InstrumentUncertainty
-from adhesion_can.physics.readings import REQUIRED, Role
+from adhesion_can.physics.readings import REQUIRED, SPEED_AIDS, Role
 from adhesion_can.plurals import counted
 
 _CHECKSUMS = ("crc", "checksum", "chksum", "pruefsumme")
@@ -58,7 +58,7 @@ class InitialConfiguration:
     @property
     def absent(self) -> list[Role]:
         """Roles that no signal was found for, neither a clear one nor one of several."""
-        known = {guess.role for guess in self.guessed.guesses}
+        known = {guess.role for guess in self.guessed.guesses} | SPEED_AIDS
         return [role for role in Role if role not in known and role is not Role.CHANNEL]
 
     @property

@@ -24,6 +24,8 @@ MEANINGS = {
     Role.VEHICLE_SPEED: "vehicle speed, 0 or more in both directions",
     Role.TRACTIVE_EFFORT: "effort at the wheel rim, positive along the direction of travel",
     Role.AXLE_LOAD: "load of the wheelset on the rail",
+    Role.GNSS_SPEED: "speed by satellites",
+    Role.ACCELERATION: "longitudinal acceleration without gravity's part",
 }
 """Meaning of the roles that need more words than their label."""
 

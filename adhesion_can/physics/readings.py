@@ -21,6 +21,8 @@ class Role(StrEnum):
     RAIN = "rain"
     GRADIENT = "gradient"
     CURVATURE = "curvature"
+    GNSS_SPEED = "gnss_speed"  # beside wheels and efforts, for the observed speed
+    ACCELERATION = "acceleration"  # longitudinal, without gravity's part, likewise
     CHANNEL = "channel"  # a signal of the user's, its number in place of an axle's
 
     @property
@@ -41,9 +43,13 @@ ROLE_UNITS: Mapping[Role, str] = {
     Role.HUMIDITY: "%",
     Role.GRADIENT: "m/m",
     Role.CURVATURE: "1/m",
+    Role.GNSS_SPEED: "m/s",
+    Role.ACCELERATION: "m/s²",
 }
 """SI unit of the readings of a role; states and the user's channels have none here."""
 PER_AXLE = frozenset({Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT, Role.AXLE_LOAD})
+SPEED_AIDS = frozenset({Role.GNSS_SPEED, Role.ACCELERATION})
+"""Roles that only the observed speed uses. Nobody's database is searched for them."""
 
 
 def role_name(role: Role, axle: int) -> str:

@@ -99,9 +99,10 @@ class ColumnFormer:
         )
         self._angles = WheelAngles()
         self._angle = {i: ColumnHistory(inf) for i in axles}
+        aids = [name for columns in equations.aids.values() for name in columns]
         self._covariates = {
             name: ColumnHistory(0.0)
-            for name in (TRAVEL_DIRECTION, *COVARIATES.values(), *equations.channels)
+            for name in (TRAVEL_DIRECTION, *COVARIATES.values(), *equations.channels, *aids)
         }
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
@@ -129,8 +130,17 @@ class ColumnFormer:
                 self._load[axle].extend(stamps, values)
             elif role is Role.DIRECTION:
                 self._add_direction(stamps, values)
-            elif name := self._equations.covariate(role, axle):
-                self._covariates[name].extend(stamps, values)
+            else:
+                self._add_covariate(role, axle, stamps, values)
+
+    def _add_covariate(self, role: Role, number: int, stamps: Stamps, values: Array) -> None:
+        """Add the readings of a role that is none of the drive's own, if samples carry it."""
+        if aid := self._equations.aids.get(role):
+            self._covariates[aid.value].extend(stamps, values)
+            known = np.where(np.isfinite(values), stamps.astype(np.float64), np.nan)
+            self._covariates[aid.stamp].extend(stamps, known)
+        elif name := self._equations.covariate(role, number):
+            self._covariates[name].extend(stamps, values)
 
     def _turn(self, correction: RowCorrection, axle: int, stamps: Stamps, values: Array) -> None:
         """Turn a wheel on to its readings, where errors depend on its angle."""

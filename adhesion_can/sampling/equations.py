@@ -31,6 +31,26 @@ TRAVEL_DIRECTION = "travel"
 """Covariate: 1 forwards, and as long as no direction is known; -1 in reverse."""
 
 
+class AidColumns(NamedTuple):
+    """Names of the covariates that carry an aid of the observed speed.
+
+    Attributes:
+        value: Name of that with the latest reading, in the unit of its role.
+        stamp: Name of that with the stamp of this reading, µs.
+
+    """
+
+    value: str
+    stamp: str
+
+
+AID_COLUMNS: Mapping[Role, AidColumns] = {
+    Role.GNSS_SPEED: AidColumns("gnss_speed_mps", "gnss_speed_us"),
+    Role.ACCELERATION: AidColumns("acceleration_mps2", "acceleration_us"),
+}
+"""Covariates by role; samples carry them where the vehicle speed is observed."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sensors:
     """Standard deviations of the measurements, for the variances of the samples.
@@ -92,6 +112,7 @@ class SampleEquations:
         instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
         with_travel: Whether samples carry the covariate `TRAVEL_DIRECTION`.
         channels: Names of the covariates from the user's channels, by their numbers from 1.
+        with_aids: Whether samples carry the covariates of `AID_COLUMNS`.
 
     """
 
@@ -102,6 +123,12 @@ class SampleEquations:
     instruments: Instruments = PERFECT
     with_travel: bool = False
     channels: tuple[str, ...] = ()
+    with_aids: bool = False
+
+    @property
+    def aids(self) -> Mapping[Role, AidColumns]:
+        """Covariates that carry the aids of the observed speed, by role."""
+        return AID_COLUMNS if self.with_aids else {}
 
     def covariate(self, role: Role, number: int) -> str:
         """Name of the covariate that a role carries; '' where it carries none.

@@ -77,6 +77,7 @@ class SampleFormer(Stateful):
         instruments: Errors of the sensors and of the vehicle's data, corrected in the readings.
         with_travel: Whether samples carry the covariate `TRAVEL_DIRECTION`.
         channels: Names of the covariates from the user's channels, by their numbers from 1.
+        with_aids: Whether samples carry the aids of the observed speed.
 
     """
 
@@ -90,6 +91,7 @@ class SampleFormer(Stateful):
         *,
         with_travel: bool = False,
         channels: tuple[str, ...] = (),
+        with_aids: bool = False,
     ) -> None:
         self.equations = equations = SampleEquations(
             vehicle,
@@ -99,6 +101,7 @@ class SampleFormer(Stateful):
             instruments,
             with_travel,
             channels,
+            with_aids,
         )
         axles = range(1, vehicle.axles + 1)
         self._wheel = {i: SignalHistory(equations.gap_us(Role.WHEEL_SPEED)) for i in axles}
@@ -171,6 +174,10 @@ class SampleFormer(Stateful):
                 and self._covariates.get(TRAVEL_DIRECTION) != self._travel
             ):
                 self._set_covariate(TRAVEL_DIRECTION, self._travel, reading.t_us)
+        elif aid := self.equations.aids.get(role):
+            stamp = None if reading.value is None else float(reading.t_us)
+            self._set_covariate(aid.value, reading.value, reading.t_us)
+            self._set_covariate(aid.stamp, stamp, reading.t_us)
         elif name := self.equations.covariate(role, axle):
             self._set_covariate(name, reading.value, reading.t_us)
 

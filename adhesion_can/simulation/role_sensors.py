@@ -29,6 +29,9 @@ from adhesion_can.simulation.sensors import (
     none_for_nan,
 )
 
+GNSS_STD = 0.05
+"""Standard deviation of the role `gnss_speed`, m/s."""
+
 
 def packaged_messages(database: CanDatabase) -> tuple[BoundMessage, ...]:
     """All input messages of the packaged message set, in the order of the bus.
@@ -247,10 +250,16 @@ class RoleSensors:
             case Role.AXLE_LOAD:
                 load = read(Quantity.LOAD, state.load[axle : axle + 1])
                 return load + self._draw(noise.load)
-        if (name := COVARIATES.get(signal.role)) is not None:
+        return self._measure_surroundings(signal.role, state)
+
+    def _measure_surroundings(self, role: Role, state: PlantState) -> float | None:
+        """Measured value of a role that is no quantity of the drive."""
+        if role is Role.GNSS_SPEED:
+            return max(state.speed + self._draw(GNSS_STD), 0.0)
+        if (name := COVARIATES.get(role)) is not None:
             return state.conditions.covariates(state.gradient)[name]
         states = {Role.SPEED_SOURCE: SpeedSource.RADAR, Role.DIRECTION: Direction.FORWARD}
-        return states.get(signal.role)
+        return states.get(role)
 
     def _draw(self, std: float) -> float:
         return std * float(self._rng.standard_normal())

@@ -45,6 +45,9 @@ def test_a_speed_of_the_rim_in_any_spelling(spelling):
         (Role.RAIL_TEMPERATURE, "℃", 1.0),
         (Role.HUMIDITY, "percent", 1.0),
         (Role.GRADIENT, "Promille", 1e-3),
+        (Role.GNSS_SPEED, "Km/h", 1 / 3.6),
+        (Role.ACCELERATION, "m/s^2", 1.0),
+        (Role.ACCELERATION, "mg", 9.80665e-3),
     ],
 )
 def test_further_quantities(role, unit, factor):

@@ -6,6 +6,7 @@ import json
 import pytest
 
 from adhesion_can.cli.main import main
+from tests.gnss_configuration import write_gnss_configuration
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,25 @@ def test_without_a_relief_the_words_say_what_is_missing(rows, folder):
 def test_without_the_switch_the_message_is_missing(folder, capsys):
     assert main(["replay", str(folder / "d.log"), "--to", "2"]) == 2
     assert "VehicleSpeed 0x111" in capsys.readouterr().err
+
+
+def test_with_a_speed_by_satellites_the_drive_has_it_and_slips_are_known_at_once(tmp_path):
+    config = write_gnss_configuration(tmp_path, 'gnss_speed = "Satellites.Speed"')
+    log, table = str(tmp_path / "d.log"), tmp_path / "d.csv"
+    typed = f"simulate --scenario wet --no-radar --duration 3 --seed 1 --log {log}"
+    assert main([*typed.split(), "--config", str(config)]) == 0
+    assert main(["replay", log, "--config", str(config), "--table", str(table)]) == 0
+    with table.open() as file:
+        rows = [row for row in csv.DictReader(file) if row["status"] != "INIT"]
+    known = [float(row["time_s"]) for row in rows if row["objection"] == "NONE"]
+    assert min(known) < 2.0
+
+
+def test_the_observed_speed_states_what_satellites_may_be_off_by(tmp_path, capsys):
+    config = write_gnss_configuration(tmp_path)
+    config.write_text(config.read_text().replace("enabled = true", "gnss_std = 0"))
+    assert main(["replay", "x.log", "--config", str(config)]) == 2
+    assert "observed_speed.gnss_std" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("other", [["--closed-loop"], ["--closed-loop", "--plan", "p.toml"]])

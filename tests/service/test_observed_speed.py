@@ -7,6 +7,8 @@ import pytest
 
 from adhesion_can.api.simulation import build_run_settings, drive_with_reliefs, make_simulation
 from adhesion_can.bus.block import Block
+from adhesion_can.bus.e2e import COUNTS, protect
+from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.observed_speed.estimator import ObservedSpeedEstimator
@@ -15,6 +17,7 @@ from adhesion_can.physics.readings import Role
 from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.replay import replay, replay_blocks
+from tests.gnss_configuration import DATA_ID, SATELLITES_ID, write_gnss_configuration
 from tests.service.test_column_replay import assert_same, run_core, spoiled
 from tests.service.test_work_ahead import with_work_ahead
 from tests.wire import Bench
@@ -142,6 +145,30 @@ def test_frames_and_columns_give_the_same_bytes(observing, drive):
     core, sent = assert_same(drive[0][:6000], config=observing, make=None, cuts=9)
     assert core.counts.samples > 3000
     assert len(sent) > 4000
+
+
+@pytest.fixture(scope="module")
+def with_satellites(drive, tmp_path_factory):
+    """A configuration with the roles, and the drive with their frames each 0.1 s, some lost."""
+    folder = tmp_path_factory.mktemp("satellites")
+    roles = ('gnss_speed = "Satellites.Speed"', 'acceleration = "Satellites.Acceleration"')
+    config = load_configuration(write_gnss_configuration(folder, *roles))
+    frames, rng = [], np.random.default_rng(4)
+    for frame in drive[0]:
+        while (t_us := 40_000 + 100_000 * len(frames)) <= frame.t_us:
+            speed = round(360 * (10.0 + rng.normal(0, 0.05)))
+            raw = 65_535 if len(frames) % 37 > 30 else speed
+            push = int(rng.integers(-90, 90)).to_bytes(2, "little", signed=True)
+            data = bytearray(bytes(2) + raw.to_bytes(2, "little") + push + bytes(2))
+            protect(data, DATA_ID, len(frames) % COUNTS)
+            frames.append(Frame(t_us, SATELLITES_ID, bytes(data)))
+    return config, sorted([*drive[0], *frames], key=lambda frame: frame.t_us)
+
+
+def test_frames_and_columns_agree_with_a_speed_by_satellites(with_satellites):
+    config, items = with_satellites
+    core, _ = assert_same(items[:9000], config=config, make=None, cuts=9)
+    assert core.counts.samples > 2500
 
 
 @pytest.mark.parametrize("seed", range(4))

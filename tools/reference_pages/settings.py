@@ -18,8 +18,8 @@ from reference_pages.markdown import GENERATED, code, page, table
 HEAD = ("key", "default", "range", "unit", "meaning")
 
 UNITS_IN_TEXT = (
-    "1", "%", "N", "in the unit of the role", "kg", "kg·m²", "m", "m/s", "ms", "rad/s", "s",
-    "samples", "µs",
+    "1", "%", "N", "in the unit of the role", "kg", "kg·m²", "m", "m/s", "m/s²", "ms", "rad/s",
+    "s", "samples", "µs",
 )  # fmt: skip
 """Units with which the first sentence of a docstring's line may end, behind a comma."""
 PURE_NUMBER = re.compile(r"\b([Ss]hare|Relative|[Pp]robability|Number|[Ff]actor|cycles)\b")

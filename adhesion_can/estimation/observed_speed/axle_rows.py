@@ -2,11 +2,13 @@
 
 from collections import deque
 from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 
 from adhesion_can.arrays import Array
 from adhesion_can.physics.samples import Samples
+from adhesion_can.sampling.equations import AID_COLUMNS
 from adhesion_can.values import Stateful
 
 
@@ -19,6 +21,8 @@ class SampleRow:
         rim: Speed of each rim, m/s, shape (axles,).
         adhesion: Adhesion of each axle, 1, shape (axles,).
         load: Load of each axle, N, shape (axles,).
+        gnss: Speed by satellites, m/s; NaN where none has come with this row.
+        acceleration: Longitudinal acceleration, m/s²; NaN likewise.
 
     """
 
@@ -26,6 +30,8 @@ class SampleRow:
     rim: Array
     adhesion: Array
     load: Array
+    gnss: float = nan
+    acceleration: float = nan
 
 
 class AxleRows(Stateful):
@@ -39,14 +45,20 @@ class AxleRows(Stateful):
 
     def __init__(self, axles: int, cycle_us: int) -> None:
         self._cycle_us = cycle_us
-        self._waiting: list[deque[tuple[int, float, float, float]]] = [
-            deque() for _ in range(axles)
-        ]
+        self._waiting: list[deque[tuple[float, ...]]] = [deque() for _ in range(axles)]
+        self._seen_us = dict.fromkeys(AID_COLUMNS, nan)
+        """Stamp of the latest reading of each aid; NaN before the first."""
 
     def add(self, samples: Samples) -> list[SampleRow]:
         """Add samples in the order of their stamps; returns the rows that are complete by now."""
         rim = samples.speed * (1.0 + samples.slip)
-        columns = (samples.t_us, rim, samples.adhesion, samples.load)
+        unknown = np.full(len(samples), nan)
+        aids = [
+            samples.covariates.get(name, unknown)
+            for columns in AID_COLUMNS.values()
+            for name in columns
+        ]
+        columns = (samples.t_us, rim, samples.adhesion, samples.load, *aids)
         of_axle = zip(*(column.tolist() for column in columns), strict=True)
         for axle, one in zip(samples.axle.tolist(), of_axle, strict=True):
             self._waiting[axle - 1].append(one)
@@ -60,5 +72,22 @@ class AxleRows(Stateful):
                     queue.popleft()
                 continue
             found = np.array([queue.popleft() for queue in self._waiting])
-            rows.append(SampleRow(float(found[:, 0].mean()), *found[:, 1:].T.copy()))
+            t_us = float(found[:, 0].mean())
+            rows.append(SampleRow(t_us, *found[:, 1:4].T.copy(), *self._fresh(found[:, 4:])))
         return rows
+
+    def _fresh(self, aids: Array) -> list[float]:
+        """Values of the aids that no row before had; NaN where there is none.
+
+        Args:
+            aids: Value and stamp of each aid, at the samples of a row, shape (axles, 4).
+
+        """
+        fresh = []
+        for k, aid in enumerate(AID_COLUMNS):
+            value, stamp = aids[
+                int(np.argmax(np.nan_to_num(aids[:, 2 * k + 1]))), 2 * k : 2 * k + 2
+            ]
+            fresh.append(nan if stamp == self._seen_us[aid] else float(value))
+            self._seen_us[aid] = float(stamp)
+        return fresh

@@ -10,19 +10,6 @@ Positive = Within(1e-9, 1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObservedSpeedSwitch(Value):
-    """Vehicle speed that wheels and efforts show, in place of a measured one.
-
-    Attributes:
-        enabled: Whether the vehicle speed is observed. The driver or the drive has to relieve an
-            axle now and then; roles `vehicle_speed` and `vehicle_speed_source` are not used.
-
-    """
-
-    enabled: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedSpeedSettings(Value):
     """Uncertainties that the filter assumes, and its conditions for a known slip.
 
@@ -122,3 +109,32 @@ class ObservedSpeedSettings(Value):
 
     def __post_init__(self) -> None:
         require_ranges(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservedSpeedSwitch(Value):
+    """Vehicle speed that wheels and efforts show, in place of a measured one.
+
+    Attributes:
+        enabled: Whether the vehicle speed is observed. The driver or the drive has to relieve an
+            axle now and then, unless the role `gnss_speed` shows the speed; roles `vehicle_speed`
+            and `vehicle_speed_source` are not used.
+        gnss_std: Standard deviation of the role `gnss_speed`, m/s. A delay counts as well: 0.2 s at
+            0.3 m/s² are 0.06 m/s.
+        accelerometer_std: Standard deviation of the role `acceleration` in means of a second, m/s².
+
+    """
+
+    enabled: bool = False
+    gnss_std: Annotated[float, Within(0.001, 10)] = 0.05
+    accelerometer_std: Annotated[float, Within(0.001, 10)] = 0.05
+
+    def __post_init__(self) -> None:
+        require_ranges(self)
+
+    @property
+    def settings(self) -> ObservedSpeedSettings:
+        """Settings of the filter."""
+        return ObservedSpeedSettings(
+            gnss_std=self.gnss_std, accelerometer_std=self.accelerometer_std
+        )

@@ -18,6 +18,7 @@ from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSetting
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.physics.vehicle import Locomotive
+from adhesion_can.sampling.equations import AID_COLUMNS
 from adhesion_can.values import Stateful, Value
 
 LONGEST_GAP_S = 0.1
@@ -115,6 +116,8 @@ class SpeedObserver(Stateful):
                 row.rim[None] / self._radius,
                 (row.adhesion * row.load)[None],
                 row.load[None],
+                np.array([row.gnss]),
+                np.array([row.acceleration]),
             )
             if result is not None and result is not self._result:
                 self._result = result
@@ -160,6 +163,7 @@ def with_speed(samples: Samples, before: ObservedBlock, block: ObservedBlock) ->
     rim = samples.speed * (1.0 + samples.slip) * block.radius_factor[samples.axle - 1]
     share = (samples.t_us - before.t_us) / (block.t_us - before.t_us)
     speed = before.speed + (block.speed - before.speed) * share
+    aids = {name for columns in AID_COLUMNS.values() for name in columns}
     # A variance of the slip by the wheel was relative to the reference speed.
     scale = (samples.speed / speed) ** 2
     return replace(
@@ -171,4 +175,5 @@ def with_speed(samples: Samples, before: ObservedBlock, block: ObservedBlock) ->
         slip_common_var=np.full(len(samples), block.white_variance) / speed**2,
         speed_us=np.full(len(samples), block.t_us),
         speed_share=share,
+        covariates={name: c for name, c in samples.covariates.items() if name not in aids},
     )

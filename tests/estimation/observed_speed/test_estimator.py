@@ -63,7 +63,8 @@ class Kept:
 class Drive:
     """A drive at a constant speed whose samples go to the estimator; an axle may be relieved."""
 
-    def __init__(self, seed=0):
+    def __init__(self, seed=0, *, gnss=False):
+        self.gnss, self.gnss_us = gnss, 0
         self.rng = np.random.default_rng(seed)
         self.estimator = ObservedSpeedEstimator(
             Kept, Locomotive(), ObservedSpeedSettings(), CYCLE_US, largest_std=0.3, tests_curve=True
@@ -82,6 +83,12 @@ class Drive:
             adhesion = ADHESION * self.ramp + self.rng.normal(0, 0.01, 6)
             samples = row_of(self.t_us, slips, adhesion, reference=1 + 0.02 * self.rng.random())
             samples = samples.select(~np.isin(samples.axle, lost))
+            if self.gnss and self.t_us % 1_000_000 == 0:
+                self.gnss_us, self.seen = self.t_us, SPEED + self.rng.normal(0, 0.02)
+            if self.gnss:
+                samples = with_aids(
+                    samples, gnss_speed_mps=self.seen, gnss_speed_us=self.gnss_us, other=1.0
+                )
             estimate = self.estimator.update(samples, self.t_us + CYCLE_US)
             self.used.append(self.estimator.used)
             self.t_us += CYCLE_US
@@ -215,6 +222,57 @@ def test_rows_pair_the_samples_of_one_cycle():
     assert row.rim == pytest.approx(SPEED * (1 + slips))
     assert row.adhesion == pytest.approx([ADHESION] * 6)
     assert rows.add(row_of(31_000, slips).select(np.arange(5))) == []
+
+
+def with_aids(samples, **columns):
+    """Samples with the same value at each, by the names of the covariates."""
+    more = {name: np.full(len(samples), float(value)) for name, value in columns.items()}
+    return replace(samples, covariates={**samples.covariates, **more})
+
+
+def test_a_reading_by_satellites_counts_once():
+    rows = AxleRows(6, CYCLE_US)
+
+    def add(t_us, **columns):
+        (row,) = rows.add(with_aids(row_of(t_us, [SLIP] * 6), **columns))
+        return row.gnss, row.acceleration
+
+    known = {"acceleration_mps2": 0.2, "acceleration_us": 5_000}
+    assert add(10_000) == pytest.approx((np.nan, np.nan), nan_ok=True)
+    assert add(20_000, **known) == pytest.approx((np.nan, 0.2), nan_ok=True)
+    more = {"gnss_speed_mps": 14.9, "gnss_speed_us": 25_000}
+    assert add(30_000, **known, **more) == pytest.approx((14.9, np.nan), nan_ok=True)
+    assert add(40_000, **known, **more) == pytest.approx((np.nan, np.nan), nan_ok=True)
+    # The same value at a later stamp is a reading of its own.
+    more["gnss_speed_us"] = 1_025_000
+    assert add(50_000, **more)[0] == 14.9
+    assert np.isnan(add(60_000)[0])
+    assert add(70_000, **more)[0] == 14.9
+
+
+def test_of_a_row_the_axle_with_the_latest_reading_counts():
+    rows = AxleRows(6, CYCLE_US)
+    samples = with_aids(row_of(10_000, [SLIP] * 6), gnss_speed_mps=14.9, gnss_speed_us=5_000)
+    samples.covariates["gnss_speed_mps"][3], samples.covariates["gnss_speed_us"][3] = 14.8, 9_000
+    samples.covariates["gnss_speed_mps"][4], samples.covariates["gnss_speed_us"][4] = np.nan, np.nan
+    (row,) = rows.add(samples)
+    assert row.gnss == 14.8
+
+
+def test_a_speed_by_satellites_shows_the_slips_without_a_relief():
+    """Once the drive has coasted, which shows the radii."""
+    drive = Drive(gnss=True)
+    assert drive.run(2.0).objection is Objection.RADII_UNCERTAIN
+    drive.run(5.0, relieved=list(range(6)))
+    estimate = drive.run(3.0)
+    assert estimate.objection is Objection.NONE
+    used = Samples.concatenate(drive.used[-100:])
+    assert used.covariates.keys() == {"other"}
+    assert used.speed.mean() == pytest.approx(SPEED, rel=0.002)
+    assert np.abs(used.slip.mean() - SLIP) < 0.002
+    # It ends: what it has shown holds for some seconds, then a relief is missing.
+    drive.gnss = False
+    assert drive.run(8.0).objection is Objection.NO_RELIEF
 
 
 def test_a_speed_between_two_blocks():
