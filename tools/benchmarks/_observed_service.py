@@ -15,7 +15,7 @@ from adhesion_can.physics.status import Status
 from tests.worlds.track_without_radar import PLACES
 from tests.worlds.without_radar import AXLES, STEP_S, Driving, Trains
 
-OBSERVING = "[observed_speed]\nenabled = true\n"
+OBSERVING = "[observed_speed]\nenabled = true\ngnss_std = 0.03\n"
 MEASURING = "[sensors]\nvehicle_speed_std = 0.04\n"
 """Configurations without a radar, and with one as the trains have it."""
 PAUSE_S, WAIT_S = 3.0, 1.0
@@ -23,6 +23,10 @@ PAUSE_S, WAIT_S = 3.0, 1.0
 SETPOINTS = {
     "reliefs": (OBSERVING, Driving(reliefs=True)),
     "reliefs-excursions": (OBSERVING, Driving(reliefs=True, excursions=True)),
+    "gnss-reliefs-excursions": (
+        OBSERVING,
+        Driving(reliefs=True, excursions=True, gnss_std=0.03),
+    ),
     "radar": (MEASURING, Driving()),
     "radar-excursions": (MEASURING, Driving(excursions=True)),
 }
@@ -79,7 +83,10 @@ def serve(way, seed, speed, duration_s):
 
 
 def readings(seen, number):
-    """Readings of a step: speeds and efforts each 10 ms, a radar's each 20 ms, loads each 200."""
+    """Readings of a step: speeds and efforts each 10 ms, a radar's each 20 ms, loads each 200.
+
+    A speed by satellites is read each second, where there is one.
+    """
     t_us = round(number * STEP_S * 1e6)
     t_us += round(STEP_S * 1e6)
     if number % 20 == 0:
@@ -87,6 +94,8 @@ def readings(seen, number):
             yield Reading(t_us, Role.AXLE_LOAD, axle + 1, float(seen.load[0, axle]))
     if number % 2 == 0:
         yield Reading(t_us, Role.VEHICLE_SPEED, 0, float(seen.radar[0]))
+    if np.isfinite(seen.gnss[0]):
+        yield Reading(t_us, Role.GNSS_SPEED, 0, float(seen.gnss[0]))
     for axle in range(AXLES):
         yield Reading(t_us, Role.WHEEL_SPEED, axle + 1, float(seen.wheel_speed[0, axle]))
         yield Reading(t_us, Role.TRACTIVE_EFFORT, axle + 1, float(seen.effort[0, axle]))

@@ -107,7 +107,7 @@ def measure(report, options):
 
 def measure_service(report, options, seeds):
     """Setpoints of the service, by way of driving."""
-    for way in SETPOINTS:
+    for way in options.only:
         began = time.perf_counter()
         found = [serve(way, seed, v, options.duration) for seed in seeds for v in SPEEDS]
         tracking, objected, wrong = (
@@ -141,18 +141,17 @@ def parse_options(arguments=None):
     add("--after", type=int, default=0, metavar="N", help="seeds above N (default 0)")
     add("--drives", type=count, default=10, metavar="N", help="drives a speed (default 10)")
     add("--duration", type=positive(float), default=120.0, metavar="S", help="s (default 120)")
-    add("--only", type=_ways, default=list(WAYS), metavar="WAY,..", help="ways (default all)")
+    about = "ways (default all; with --service those of " + ", ".join(SETPOINTS) + ")"
+    add("--only", type=lambda text: text.split(","), metavar="WAY,..", help=about)
     about = "judge the setpoints of the whole service: a minute or two for each drive and way"
     add("--service", action="store_true", help=about)
-    return parser.parse_args(arguments)
-
-
-def _ways(text):
-    chosen = text.split(",")
-    for way in chosen:
-        if way not in WAYS:
-            raise argparse.ArgumentTypeError(f"no way {way!r}; there are: {', '.join(WAYS)}")
-    return chosen
+    options = parser.parse_args(arguments)
+    known = SETPOINTS if options.service else WAYS
+    options.only = options.only or list(known)
+    for way in options.only:
+        if way not in known:
+            parser.error(f"no way {way!r}; there are: {', '.join(known)}")
+    return options
 
 
 def main():
