@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.physics.channels import COVARIATES
 from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.sampling.column_history import NEVER, ColumnHistory, Stamps
+from adhesion_can.sampling.covariate_columns import CovariateColumns
 from adhesion_can.sampling.equations import (
     TRAVEL_BY_DIRECTION,
-    TRAVEL_DIRECTION,
     Measured,
     SampleEquations,
 )
@@ -99,11 +98,7 @@ class ColumnFormer:
         )
         self._angles = WheelAngles()
         self._angle = {i: ColumnHistory(inf) for i in axles}
-        aids = [name for columns in equations.aids.values() for name in columns]
-        self._covariates = {
-            name: ColumnHistory(0.0)
-            for name in (TRAVEL_DIRECTION, *COVARIATES.values(), *equations.channels, *aids)
-        }
+        self._covariates = CovariateColumns(equations)
         self.dropped: Counter[str] = Counter()
         """Wheel-speed readings that gave no sample, by reason."""
 
@@ -131,16 +126,7 @@ class ColumnFormer:
             elif role is Role.DIRECTION:
                 self._add_direction(stamps, values)
             else:
-                self._add_covariate(role, axle, stamps, values)
-
-    def _add_covariate(self, role: Role, number: int, stamps: Stamps, values: Array) -> None:
-        """Add the readings of a role that is none of the drive's own, if samples carry it."""
-        if aid := self._equations.aids.get(role):
-            self._covariates[aid.value].extend(stamps, values)
-            known = np.where(np.isfinite(values), stamps.astype(np.float64), np.nan)
-            self._covariates[aid.stamp].extend(stamps, known)
-        elif name := self._equations.covariate(role, number):
-            self._covariates[name].extend(stamps, values)
+                self._covariates.add(role, axle, stamps, values)
 
     def _turn(self, correction: RowCorrection, axle: int, stamps: Stamps, values: Array) -> None:
         """Turn a wheel on to its readings, where errors depend on its angle."""
@@ -160,8 +146,7 @@ class ColumnFormer:
         was = self._direction.value[-1] if len(self._direction.value) else 1.0
         travel = np.where(last >= 0, travel[last], was)
         self._direction.extend(stamps, travel)
-        if self._equations.with_travel:
-            self._covariates[TRAVEL_DIRECTION].extend(stamps, travel)
+        self._covariates.add_travel(stamps, travel)
 
     def collect(self, due_us: Stamps) -> Iterator[Samples]:
         """Samples of each time of collecting, as `SampleFormer.collect` gives them.
@@ -209,7 +194,7 @@ class ColumnFormer:
         load_us = np.concatenate([part.load_us for part in parts])[order]
         load, transfer_std = self._transfer.follow(measured.axle, t_us, measured.load, load_us)
         measured = measured._replace(load=load, transfer_std=transfer_std)
-        covariates = self._covariates_of(t_us, due_us[collection])
+        covariates = self._covariates.at(t_us, due_us[collection])
         whole = np.ones(len(t_us), dtype=np.bool_)
         if self._correction is not None and len(t_us):
             measured = self._correct(self._correction, t_us, measured, covariates)
@@ -255,25 +240,12 @@ class ColumnFormer:
             covariates,
         )
 
-    def _covariates_of(self, t_us: Stamps, due_us: Stamps) -> dict[str, Array]:
-        """Covariates of samples by their stamps and the times at which they were collected."""
-        out = {}
-        for name, history in sorted(self._covariates.items()):
-            # Values at the time of collecting, unless samples had to wait for late readings.
-            place = (
-                np.searchsorted(history.t_us, t_us, side="right") - 1
-                if self._equations.lag_us
-                else history.before(due_us)
-            )
-            if len(history.t_us) and (place >= 0).any():
-                out[name] = np.where(place >= 0, history.value[place], np.nan)
-        return out
-
     def _forget(self, now_us: int) -> None:
         equations = self._equations
         waiting = [int(wheel.t_us[0]) for wheel in self._wheel.values() if len(wheel.t_us)]
         oldest = equations.oldest_needed_us(waiting, now_us)
-        for history in (self._speed, *self._covariates.values(), *self._angle.values()):
+        given = self._covariates.histories.values()
+        for history in (self._speed, *given, *self._angle.values()):
             history.forget_before(oldest)
         for history in (self._direction, *self._load.values(), *self._effort.values()):
             history.forget_before(oldest - equations.load_age_us)

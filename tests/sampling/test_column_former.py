@@ -209,7 +209,7 @@ def test_it_forgets_what_is_settled():
             }
         )
         list(former.collect(at[::2]))
-    tracks = [former._speed, former._wheel[1], *former._covariates.values()]
+    tracks = [former._speed, former._wheel[1], *former._covariates.histories.values()]
     assert max(len(track.t_us) for track in tracks) < 40
     # Efforts are kept until the load that was measured with them is too old.
     cycles_of_load = former._equations.load_age_us / 10_000
