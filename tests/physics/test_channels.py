@@ -12,9 +12,11 @@ from adhesion_can.physics.channels import (
     model_channel,
 )
 from adhesion_can.physics.effects import Contact
-from adhesion_can.physics.readings import PER_AXLE, Role
+from adhesion_can.physics.readings import PER_AXLE, SPEED_AIDS, Role
 
-NO_COVARIATE = {Role.CHANNEL, *PER_AXLE, Role.VEHICLE_SPEED, Role.SPEED_SOURCE, Role.DIRECTION}
+NO_COVARIATE = {
+    Role.CHANNEL, *PER_AXLE, *SPEED_AIDS, Role.VEHICLE_SPEED, Role.SPEED_SOURCE, Role.DIRECTION
+}  # fmt: skip
 
 
 def test_names_and_labels_are_there_once():
