@@ -13,6 +13,7 @@ SATELLITES_ID, CYCLE_MS, DATA_ID = 1280, 1000, 0x500
 PER_AXLE = {
     "wheel_speed": ("WheelSpeeds", "WheelSpeed"),
     "tractive_effort": ("TractiveEffort", "TractiveEffort"),
+    "axle_load": ("AxleLoads", "AxleLoad"),
 }
 
 
@@ -33,6 +34,7 @@ def write_gnss_configuration(folder: Path, *roles: str) -> Path:
         for axle in range(1, 7)
     ]
     lines = ["[bus]", 'database = "satellites.dbc"', "[observed_speed]", "enabled = true"]
+    lines += ["gnss_std = 0.03"]
     path = folder / "gnss.toml"
     text = "\n".join([*lines, "[roles]", *roles, *per_axle])
     path.write_text(text + "\n", encoding="utf-8")

@@ -12,10 +12,11 @@ from adhesion_can.fmu.service import ReadingsCore
 from adhesion_can.physics.objection import NEEDS_RELIEF
 from adhesion_can.physics.readings import Reading, Role
 from adhesion_can.physics.status import Status
+from tests.gnss_configuration import write_gnss_configuration
 from tests.worlds.track_without_radar import PLACES
 from tests.worlds.without_radar import AXLES, STEP_S, Driving, Trains
 
-OBSERVING = "[observed_speed]\nenabled = true\ngnss_std = 0.03\n"
+OBSERVING = "[observed_speed]\nenabled = true\n"
 MEASURING = "[sensors]\nvehicle_speed_std = 0.04\n"
 """Configurations without a radar, and with one as the trains have it."""
 PAUSE_S, WAIT_S = 3.0, 1.0
@@ -24,13 +25,16 @@ SETPOINTS = {
     "reliefs": (OBSERVING, Driving(reliefs=True)),
     "reliefs-excursions": (OBSERVING, Driving(reliefs=True, excursions=True)),
     "gnss-reliefs-excursions": (
-        OBSERVING,
+        None,
         Driving(reliefs=True, excursions=True, gnss_std=0.03),
     ),
     "radar": (MEASURING, Driving()),
     "radar-excursions": (MEASURING, Driving(excursions=True)),
 }
-"""Configuration and driving of each way in which setpoints are judged."""
+"""Configuration and driving of each way in which setpoints are judged.
+
+None is a configuration with a speed by satellites and no radar.
+"""
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,10 @@ class Judged:
 def configured(text):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
-        path.write_text(text, encoding="utf-8")
+        if text is None:
+            path = write_gnss_configuration(Path(folder), 'gnss_speed = "Satellites.Speed"')
+        else:
+            path.write_text(text, encoding="utf-8")
         return load_configuration(path)
 
 
