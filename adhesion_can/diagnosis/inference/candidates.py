@@ -257,17 +257,14 @@ def _missing_drives(requires: Requirements, drives: Sequence[DriveData]) -> str:
     """Why drives of this kind cannot show an effect; '' where they can."""
     if requires.all_efforts and any(drive.kinematics.efforts is None for drive in drives):
         return "the efforts of all axles are not known"
-    if requires.braking and _braking_share(drives) < LEAST_BRAKING:
+    if (
+        requires.braking
+        and np.mean(observed_column(drives, "adhesion") < -COASTING) < LEAST_BRAKING
+    ):
         return "there is hardly any braking"
     if requires.one_recording and len(drives) > 1:
         return "its values belong to one recording: diagnose each recording separately"
     return ""
-
-
-def _braking_share(drives: Sequence[DriveData]) -> float:
-    """Share of the rows in which an axle brakes."""
-    adhesion = observed_column(drives, "adhesion")
-    return float(np.mean(adhesion < -COASTING))
 
 
 def _is_one_sided(drives: Sequence[DriveData]) -> bool:

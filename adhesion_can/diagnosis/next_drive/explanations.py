@@ -90,7 +90,8 @@ def build_explanations(
     if not is_confirmed and scored:
         plain = fit_and_score(regression, findings.baseline.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
-    surface = _largest_surface(regression)
+    used = regression.data.surface[regression.used]
+    surface = int(np.argmax(np.bincount(used))) if len(used) else 0  # that with most rows
     return tuple(_explain(scored_model.fitted, surface) for scored_model in scored)
 
 
@@ -152,12 +153,6 @@ def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
         effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
         best.setdefault((one.model.curves.family.name, effects), one)
     return list(best.values())
-
-
-def _largest_surface(regression: WhitenedRegression) -> int:
-    """Number of the surface with most rows."""
-    used = regression.data.surface[regression.used]
-    return int(np.argmax(np.bincount(used))) if len(used) else 0
 
 
 def _explain(fitted: FittedModel, surface: int) -> Explanation:
