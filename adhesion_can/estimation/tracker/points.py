@@ -34,14 +34,6 @@ def is_valid(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
     return np.asarray(inside & np.isfinite(further))
 
 
-def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
-    """Whether a sample is within the model and not coasting, by itself alone; shape (n,)."""
-    carried = carries_information(
-        samples.slip, samples.adhesion, samples.slip_total_var, samples.adhesion_var
-    )
-    return is_valid(samples, slip_max) & carried
-
-
 def carries_information(
     slip: Array, adhesion: Array, slip_var: Array, adhesion_var: Array
 ) -> NDArray[np.bool_]:
