@@ -156,7 +156,7 @@ class LogBehind:
             capacity=WAITING_LINES,
             pause_s=GATHER_S,
             finish=lambda failed: self._log.close(failed=failed),
-            fills=self._tell_hole,
+            fills=lambda: notify("--log: losing lines: the disk or the reader is too slow"),
             flows=self._mark_hole,
         )
 
@@ -186,9 +186,6 @@ class LogBehind:
                 f"--log: {self.lost} lines lost: they were not written before the service ended"
             )
         return has_ended
-
-    def _tell_hole(self) -> None:
-        self._notify("--log: losing lines: the disk or the reader is too slow")
 
     def _mark_hole(self, lines: int) -> None:
         text = f"{lines} lines lost: the disk or the reader was too slow"
