@@ -71,18 +71,11 @@ class RelievingDrive:
         axles: Number of axles.
         gain: Proportional gain of the creep speed control in an excursion, N per m/s.
         integral_gain: Integral gain of it, N/s per m/s.
-        settings: Settings; None: the defaults.
 
     """
 
-    def __init__(
-        self,
-        axles: int,
-        gain: float,
-        integral_gain: float,
-        settings: RelievingSettings | None = None,
-    ) -> None:
-        self._settings = settings or RelievingSettings()
+    def __init__(self, axles: int, gain: float, integral_gain: float) -> None:
+        self._settings = RelievingSettings()
         self._axles = axles
         self._gain, self._integral_gain = gain, integral_gain
         self._reliefs = Reliefs(self._settings.reliefs, axles)
