@@ -17,11 +17,7 @@ _HARMFUL = re.compile(
 
 def printable(text: str) -> str:
     r"""The text with an escape such as `\x1b` in place of what is no letter, sign or blank."""
-    return _HARMFUL.sub(_escaped, text)
-
-
-def _escaped(found: re.Match[str]) -> str:
-    return found[0].encode("unicode_escape").decode("ascii")
+    return _HARMFUL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def say(line: str, file: TextIO | None = None, end: str = "\n") -> None:

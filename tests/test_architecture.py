@@ -13,7 +13,7 @@ EXAMPLES = {
     "An effect": r"id=\"humidity\"",
     "A curve family": r"class MagicFormula|curves\.magic_formula|\bmagic_formula\"",
     "A role": r"Role\.RAIN\b|\bRAIN =|\bRain\b",
-    "An estimator": r"ekf_estimator",
+    "An estimator": r"\bEkfEstimator\b",
     "A format of written files": r"class ParquetPartFile|\"parquet_file\"",
     "A column of `replay --table`": r"age_s=max|_number\(\"surface_age_s|`surface_age_s` \(s\)",
     "A command": r"cli\.check\b|^\"\"\"`check`|\"check\":",

@@ -179,7 +179,10 @@ class Decoder:
         is_data = block.is_data
         data = None if is_data.all() else np.flatnonzero(is_data)
         if data is not None:
-            self._count_kinds(block)
+            kinds = np.bincount(block.kind, minlength=len(Kind)).tolist()
+            self.report.remote += kinds[Kind.REMOTE]
+            self.report.error += kinds[Kind.ERROR]
+            self.report.marks += sum(kinds[Kind.ADVANCE :])
         keys = block.key if data is None else block.key[data]
         codes = self._codes.encode(keys)
         order = np.argsort(codes, kind="stable")  # of 16 bits: a radix sort
@@ -223,12 +226,6 @@ class Decoder:
 
         self._messages[key] = _MessageDecoder(message, is_wanted, self.report.undecodable)
         return True
-
-    def _count_kinds(self, block: Block) -> None:
-        kinds = np.bincount(block.kind, minlength=len(Kind)).tolist()
-        self.report.remote += kinds[Kind.REMOTE]
-        self.report.error += kinds[Kind.ERROR]
-        self.report.marks += sum(kinds[Kind.ADVANCE :])
 
     def _count(self, columns: MessageColumns, lost: int) -> None:
         message = columns.message

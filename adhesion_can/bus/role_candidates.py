@@ -70,7 +70,9 @@ def candidates(
             if not _has_unit(role, signal, words) or find_obstacle(signal, message):
                 continue
             if role in REQUIRED or (named and not one.uses):
-                found.append((_rank(role, one), -named, message.name, signal.name, one))
+                one_sided = role is Role.TRACTIVE_EFFORT and signs_of(signal) is Signs.POSITIVE
+                rank = bool(one.uses), one_sided
+                found.append((rank, -named, message.name, signal.name, one))
     found.sort(key=lambda row: row[:4])
     return [row[-1] for row in found]
 
@@ -83,11 +85,6 @@ def torques(messages: Iterable[Message]) -> list[str]:
         for signal in message.signals
         if (signal.unit or "").replace("·", "").strip().lower() in ("nm", "knm")
     ]
-
-
-def _rank(role: Role, one: RoleCandidate) -> tuple[bool, bool]:
-    one_sided = role is Role.TRACTIVE_EFFORT and signs_of(one.signal) is Signs.POSITIVE
-    return bool(one.uses), one_sided
 
 
 def _has_unit(role: Role, signal: Signal, words: set[str]) -> bool:

@@ -118,7 +118,10 @@ def run(options: argparse.Namespace) -> int:
         parse_target(options.out, "--out", options.format),
         keep_formulas=options.csv_formulas == "keep",
     )
-    _require_outputs(options, target)
+    if target.is_stdout and options.json == "-":
+        raise InputError("--json -", "stdout has the Arrow stream", "name a file")
+    out = target.path / LIST if target.is_folder and target.path.exists() else target.path
+    require_outputs(options, options.log, own={} if target.is_stdout else {"--out": out})
     require_database(options.dbc)
     database = load_database(options.dbc, lenient=options.lenient)
     tell_left_out(database)
@@ -139,14 +142,6 @@ def run(options: argparse.Namespace) -> int:
 
 _Given = tuple[CanDatabase, SignalFilter | None, str | None]
 """Database, signals that are wanted (None: all), and bus (None: all)."""
-
-
-def _require_outputs(options: argparse.Namespace, target: Target) -> None:
-    """Raise an InputError where an output cannot be, or takes the place of another file."""
-    if target.is_stdout and options.json == "-":
-        raise InputError("--json -", "stdout has the Arrow stream", "name a file")
-    out = target.path / LIST if target.is_folder and target.path.exists() else target.path
-    require_outputs(options, options.log, own={} if target.is_stdout else {"--out": out})
 
 
 def _convert(

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -35,8 +35,7 @@ from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.drive.demonstrated import demo_texts
 from adhesion_can.reporting.drive.page import page
 from adhesion_can.reporting.drive.recorder import DriveRecorder
-from adhesion_can.reporting.page import Page
-from adhesion_can.reporting.phases import Phase, Row, phase_table, phases
+from adhesion_can.reporting.phases import Row, phase_table, phases
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.reporting.terminal.view import MonitorView, ViewOptions
 from adhesion_can.reporting.text import console
@@ -109,7 +108,10 @@ def run(options: argparse.Namespace) -> int:
     write_json(options.json, summary)
     written = [f"no report: {missing}"]
     if not missing:
-        _, *pictures = write_report(_page(bench, found, options), options, html)
+        said = page_provenance(provenance(bench.core.configuration), options)
+        texts = demo_texts(bench.simulation.truth(), found, bench.core, said)
+        report = page(bench.recorder.result(), texts, bench.core.configuration)
+        _, *pictures = write_report(report, options, html)
         written = [*pictures, f"report: {html}; in a browser: {html.resolve().as_uri()}"]
     if talk(options):
         out = console()
@@ -124,14 +126,6 @@ def run(options: argparse.Namespace) -> int:
             out.print(line, soft_wrap=True)
         out.print(f"next: {command} replay {log}, or {command} --help")
     return 0
-
-
-def _page(bench: "_Bench", found: Sequence[Phase], options: argparse.Namespace) -> Page:
-    """Report of the demo."""
-    configuration = bench.core.configuration
-    said = page_provenance(provenance(configuration), options)
-    texts = demo_texts(bench.simulation.truth(), found, bench.core, said)
-    return page(bench.recorder.result(), texts, configuration)
 
 
 class _Clock:

@@ -32,7 +32,9 @@ def ask_vehicle(given: Mapping[str, float], axles: int | None) -> dict[str, floa
     vehicle = dict(given)
     for key in VEHICLE_DATA:
         if key not in vehicle:
-            parse = _number(key, _carried_kg(vehicle, axles))
+            load = vehicle.get("axle_load_N")
+            carried_kg = None if load is None or axles is None else load * axles / GRAVITY
+            parse = _number(key, carried_kg)
             number = ask_until(f"{key}: {meaning(key)} (Enter: later): ", parse)
             if number is not None:
                 vehicle[key] = number
@@ -69,12 +71,6 @@ def ask_cycles(initial: InitialConfiguration) -> dict[str, float]:
         if number is not None:
             cycles[name] = number
     return cycles
-
-
-def _carried_kg(vehicle: Mapping[str, float], axles: int | None) -> float | None:
-    """Mass that the axles carry, kg; None where it is not known."""
-    load = vehicle.get("axle_load_N")
-    return None if load is None or axles is None else load * axles / GRAVITY
 
 
 def _number(key: str, carried_kg: float | None) -> Callable[[str], float]:

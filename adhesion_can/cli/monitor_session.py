@@ -1,7 +1,6 @@
 """A session of `monitor`: source, state and recorder, and times as people type them."""
 
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from math import isfinite
@@ -30,7 +29,6 @@ class MonitorSession:
         configuration: Database, roles and vehicle.
         source: Where the frames come from.
         learned: Models that a service has learned; None: they are not shown.
-        wall_clock: Time for the names of recordings, s since the epoch.
 
     """
 
@@ -39,14 +37,12 @@ class MonitorSession:
         configuration: Configuration,
         source: Source,
         learned: LearnedFolder | None = None,
-        wall_clock: Callable[[], float] = time.time,
     ) -> None:
         self.paused = False
         """Whether the view stands still."""
         self._configuration = configuration
         self._source = source
         self._learned = learned
-        self._wall_clock = wall_clock
         self._state = MonitorState(configuration)
         self._generation = source.generation
         self._shown: Snapshot | None = None
@@ -131,7 +127,7 @@ class MonitorSession:
             self._note = f"recorded {recorder.count} frames to {recorder.path}"
             return
         if path is None:
-            stamp = time.strftime("%Y%m%d-%H%M%S", time.localtime(self._wall_clock()))
+            stamp = time.strftime("%Y%m%d-%H%M%S")
             path = Path(f"monitor-{stamp}.log")
             if path.exists():
                 raise InputError(str(path), "is there already", "try again in a second")

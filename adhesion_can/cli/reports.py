@@ -64,22 +64,15 @@ def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
     """
     group = parser.add_argument_group("report (extra 'report')")
     if html:
-        add_file(parser, "--html", "F", "write the report to one file", _require_page, group)
+        about = "write the report to one file"
+        add_file(parser, "--html", "F", about, lambda path, _: require_extra(str(path)), group)
     where = " (a temporary file without --html)" if html else ""
     about = f"open the report in a browser{where}"
-    browser = Output("--open", _require_browser, is_file=False)
+    browser = Output("--open", lambda _, option: require_extra(option), is_file=False)
     browser.add(parser, group, action="store_true", help=about)
     for name in PICTURES:
         what = f"write the report's figures as {name.upper()}: F.{name}, F-2.{name}, .."
         add_file(parser, f"--{name}", f"F.{name}", what, _require_picture, group)
-
-
-def _require_page(path: Path, _: str) -> None:
-    require_extra(str(path))
-
-
-def _require_browser(_: Path, option: str) -> None:
-    require_extra(option)
 
 
 def _require_picture(path: Path, option: str) -> None:

@@ -1,6 +1,6 @@
 """Filter of the signals that --signals names."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from adhesion_can.bus.database import CanDatabase
@@ -24,10 +24,11 @@ class SignalFilter:
         names = [(m.name, s.name) for m in database.db.messages for s in m.signals]
         for glob in globs:
             if not any(_matches(glob, *name) for name in names):
+                forms = [form for m, s in names for form in (m, s, f"{m}.{s}")]
                 raise InputError(
                     f"--signals {glob}",
                     f"matches no message or signal of {database.path.name}",
-                    _suggest_names(glob, names),
+                    suggest(glob, forms) or "'cantools dump' lists what there is",
                 )
 
     def __call__(self, message: str, signal: str) -> bool:
@@ -37,8 +38,3 @@ class SignalFilter:
 
 def _matches(glob: str, message: str, signal: str) -> bool:
     return any(fnmatchcase(name, glob) for name in (f"{message}.{signal}", signal, message))
-
-
-def _suggest_names(glob: str, names: Iterable[tuple[str, str]]) -> str:
-    forms = [form for message, signal in names for form in (message, signal, f"{message}.{signal}")]
-    return suggest(glob, forms) or "'cantools dump' lists what there is"

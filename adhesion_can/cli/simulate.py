@@ -206,7 +206,8 @@ def _on_bus(
             try:
                 for frame in frames:
                     bus.send(to_message(frame))
-                _receive_all(simulation, bus)
+                while (message := bus.recv(0.0)) is not None:
+                    simulation.receive(from_message(message))
                 count += len(frames)
             except (can.CanError, OSError) as error:
                 raise BusError(
@@ -219,8 +220,3 @@ def _on_bus(
             if simulation.now_us % 1_000_000 == 0:
                 show(simulation.now_us / 1e6)
     return count
-
-
-def _receive_all(simulation: Simulation, bus: can.BusABC) -> None:
-    while (message := bus.recv(0.0)) is not None:
-        simulation.receive(from_message(message))

@@ -115,7 +115,8 @@ def _model(document: dict[str, Any], where: str) -> ExtendedModel:
     pairs = [_effect(t, w) for t, w in array_of_tables(document.pop("effect", []), where, "effect")]
     curve = _curve(document.pop("curve"), f"{where}: curve") if "curve" in document else None
     splines = [
-        _spline(t, w) for t, w in array_of_tables(document.pop("spline", []), where, "spline")
+        section_with(Empirical, t, w, _SPLINE_KEYS)
+        for t, w in array_of_tables(document.pop("spline", []), where, "spline")
     ]
     provenance = table_of(document.pop("provenance", {}), f"{where}: provenance")
     reject_unknown_keys(document, where, _KEYS)
@@ -244,11 +245,6 @@ def _formula(table: dict[str, Any], where: str) -> AnyFormula:
         return formula_of(expression, constants, acts_on)
     except ExpressionError as error:
         raise ConfigError(key, str(error), fix) from error
-
-
-def _spline(table: dict[str, Any], where: str) -> Empirical:
-    spline: Empirical = section_with(Empirical, table, where, _SPLINE_KEYS)
-    return spline
 
 
 # ------------------------------------------------------------------------------------ writing

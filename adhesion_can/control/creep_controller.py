@@ -108,21 +108,17 @@ class CreepController:
 
     def step(self, measured: Measurement, advice: Advice) -> Array:
         """Efforts to demand, N, shape (axles,), as `EffortController.step` defines it."""
+        at_own_slips = self.mode in (Mode.SEARCH, Mode.HOLD) and not self._rising
         shares = self._reliefs.step(
             measured.time_s,
             self._loop.effort,
             asked=advice.relief_wanted,
             changing=advice.status is Status.SURFACE_CHANGE,
-            allowed=self._may_relieve,
+            allowed=at_own_slips and self.excursion is None,
         )
         effort = self._pull(measured, advice, shares < 1.0)
         # Axles that hold the peak's slip have nothing to take over.
         return effort if np.all(shares == 1.0) else spread_effort(effort, shares, effort)
-
-    @property
-    def _may_relieve(self) -> bool:
-        """Whether the axles pull at slips of their own, and none is on an excursion."""
-        return self.mode in (Mode.SEARCH, Mode.HOLD) and not self._rising and self.excursion is None
 
     def _pull(self, measured: Measurement, advice: Advice, relieved: NDArray[np.bool_]) -> Array:
         """Efforts without reliefs; that of a relieved axle is kept for its return."""

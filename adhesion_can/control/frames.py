@@ -78,7 +78,7 @@ class ControllerOnBus:
         controller: EffortController | None = None,
         sand: Callable[[], bool] | None = None,
     ) -> None:
-        self._sand = sand or _never
+        self._sand = sand or (lambda: False)
         vehicle = configuration.vehicle
         self._vehicle = vehicle
         self._cycle_us = find_cycle_us(configuration)
@@ -222,10 +222,6 @@ class ControllerOnBus:
             self.advice = replace(self.advice, doubt=doubt, lambda_m_std=values["LambdaMStd"])
         elif name == "AxleSetpoint":
             self.advice = replace(self.advice, axles=_with_axle(self.advice.axles, values))
-
-
-def _never() -> bool:
-    return False
 
 
 def _doubt_in(values: SignalValues) -> Doubt:

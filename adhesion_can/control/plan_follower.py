@@ -99,8 +99,9 @@ class PlanFollower:
 
         """
         speed = self._speed.step(measured)
-        if speed is None:
-            return self._release()
+        if speed is None:  # the efforts are taken back
+            self._slip = np.zeros(self._axles)
+            return self._sign * self._loop.release()
         now = self._find_step(measured.time_s, speed)
         if now is None or now[0].sign == 0.0 or self._is_at_end_of_speeds(now[0], speed):
             return self._hold(None, 0.0, speed, measured.rim_speed - speed)
@@ -112,16 +113,15 @@ class PlanFollower:
             short = self.plan.start_speed - speed
             if abs(short) > NEAR_MPS:
                 up, down = APPROACH
-                return (up, 0.0) if short > 0.0 else self._slow_down(down)
+                if short > 0.0:
+                    return up, 0.0
+                # Where the limits exclude braking, the train coasts.
+                return (down, 0.0) if self.plan.limits.braking else None
             self._began_s = time_s
         place = self.plan.step_at(time_s - self._began_s)
         self.step_number = None if place is None else place[0]
         self.is_over = place is None
         return None if place is None else (self.plan.steps[place[0]], place[1])
-
-    def _slow_down(self, step: PlanStep) -> tuple[PlanStep, float] | None:
-        """Braking to the plan's start; None where the limits exclude it: the train coasts."""
-        return (step, 0.0) if self.plan.limits.braking else None
 
     def _is_at_end_of_speeds(self, step: PlanStep, speed: float) -> bool:
         limits = self.plan.limits
@@ -145,8 +145,3 @@ class PlanFollower:
         creep = np.where((self._slip > 0.0) & ~running_away, creep, np.nan)
         held = np.maximum(self._slip, LEAST_SLIP)
         return self._sign * self._loop.step(held * speed, creep, self._curve.elasticity(held))
-
-    def _release(self) -> Array:
-        """Efforts where the speed is unknown: they are taken back."""
-        self._slip = np.zeros(self._axles)
-        return self._sign * self._loop.release()

@@ -71,18 +71,11 @@ class RelievingDrive:
         axles: Number of axles.
         gain: Proportional gain of the creep speed control in an excursion, N per m/s.
         integral_gain: Integral gain of it, N/s per m/s.
-        settings: Settings; None: the defaults.
 
     """
 
-    def __init__(
-        self,
-        axles: int,
-        gain: float,
-        integral_gain: float,
-        settings: RelievingSettings | None = None,
-    ) -> None:
-        self._settings = settings or RelievingSettings()
+    def __init__(self, axles: int, gain: float, integral_gain: float) -> None:
+        self._settings = RelievingSettings()
         self._axles = axles
         self._gain, self._integral_gain = gain, integral_gain
         self._reliefs = Reliefs(self._settings.reliefs, axles)
@@ -97,11 +90,14 @@ class RelievingDrive:
         """Efforts to demand, N, shape (axles,), until the next step in `dt` seconds."""
         s = self._settings
         steady = s.share * state.largest * min(state.time_s / s.rise_s, 1.0)
+        before, self._largest = self._largest, state.largest
+        ratio = 1.0 if before is None else state.largest / before
+        changes = bool(np.any(np.abs(np.log(ratio)) > OTHER_RAIL))
         shares = self._reliefs.step(
             state.time_s,
             steady,
             asked=len(self._relieved) < self._axles,
-            changing=self._changes(state.largest),
+            changing=changes,
             allowed=state.time_s > s.rise_s and self._excursion is None,
         )
         if self._reliefs.axle is not None:
@@ -111,11 +107,6 @@ class RelievingDrive:
         if self._excursion is not None:
             effort[self._excursion] = self._lead(state, self._excursion, dt)
         return np.asarray(effort)
-
-    def _changes(self, largest: Array) -> bool:
-        """Whether an axle has come onto another surface with this step."""
-        before, self._largest = self._largest, largest
-        return before is not None and bool(np.any(np.abs(np.log(largest / before)) > OTHER_RAIL))
 
     def _choose_excursion(self, state: DriveState) -> None:
         s = self._settings

@@ -68,7 +68,11 @@ class SwingGuard:
         elif self.holds:
             self._climb(float((measured.effort / measured.load)[known].mean()))
         else:
-            self._forget()
+            # As much time without swings as the next hold would last halves it again.
+            self._calm_s += self._cycle_s
+            if self._calm_s >= self._hold_s:
+                self._hold_s = max(0.5 * self._hold_s, s.hold_s)
+                self._calm_s = 0.0
 
     def _back_off(self, slip: float) -> None:
         s = self._settings
@@ -84,13 +88,6 @@ class SwingGuard:
         self._error, self._waits_s = 0.0, s.time_constant_s
         self._begin_step()
         self._up, self._before = True, 0.0
-
-    def _forget(self) -> None:
-        """Count time without swings: as much as the next hold would last halves it again."""
-        self._calm_s += self._cycle_s
-        if self._calm_s >= self._hold_s:
-            self._hold_s = max(0.5 * self._hold_s, self._settings.hold_s)
-            self._calm_s = 0.0
 
     def _begin_step(self) -> None:
         self._used = self._steps = 0.0

@@ -88,6 +88,7 @@ def build_diagnosis(
         _build_cause(findings, candidate, extended.fitted, refuted_effects)
         for candidate in _sort_by_gain(findings, confirmed.named)
     )
+    separations = [separation_sentence(c.effect, c.rivals) for c in causes if c.rivals]
     surfaces, longest, (drive_number, surface) = estimate_segments(
         data, findings.change_times, extended.model, extended.segment_fits
     )
@@ -139,7 +140,7 @@ def build_diagnosis(
             )
             for dependence in findings.channels_of_best
         ),
-        needed=_describe_separation(causes),
+        needed="; ".join(separations) or None,
         untested=(*untested, *confirmed.rejected, *_list_imitated_effects(findings)),
         surfaces=surfaces,
         model=model,
@@ -332,12 +333,6 @@ def _list_imitated_effects(findings: Findings) -> list[Untested]:
                 "data"
             )
     return [Untested(what, why) for what, why in out.items()]
-
-
-def _describe_separation(causes: Sequence[Cause]) -> str | None:
-    """Manoeuvres that would separate the named effects from their rivals; None: none is needed."""
-    sentences = [separation_sentence(c.effect, c.rivals) for c in causes if c.rivals]
-    return "; ".join(sentences) or None
 
 
 def _name_channel(findings: Findings, confirmed: ConfirmedFindings) -> str | None:

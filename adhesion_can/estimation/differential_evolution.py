@@ -121,7 +121,10 @@ def search(
     factor = settings.factor if settings.factor is not None else _factor(theta, h, z, settings)
     # All random numbers of the run at once: drawn by generation they cost more than the rest.
     partners = _three_others(settings.generations, settings.population, rng)
-    crossed = _crossover(settings, rng)
+    # Genes are taken from the mutant, at least one by each individual.
+    shape = (settings.generations, settings.population, 3)
+    forced = rng.integers(0, 3, shape[:2])[..., None] == np.arange(3)
+    crossed = (rng.random(shape) < settings.crossover) | forced
     for (a, b, c), gene in zip(partners, crossed, strict=True):
         mutant = individuals[a] + factor * (individuals[b] - individuals[c])
         trial = np.where(gene, mutant, individuals)
@@ -156,13 +159,6 @@ def _three_others(generations: int, population: int, rng: np.random.Generator) -
     c += c >= np.maximum(a, b)
     offsets = np.stack([a, b, c], axis=1)
     return np.asarray((np.arange(population) + offsets) % population)
-
-
-def _crossover(settings: EvolutionSettings, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Genes taken from the mutant, at least one each: shape (generations, population, 3)."""
-    shape = (settings.generations, settings.population, 3)
-    forced = rng.integers(0, 3, shape[:2])[..., None] == np.arange(3)
-    return np.asarray((rng.random(shape) < settings.crossover) | forced)
 
 
 def first_theta(settings: EvolutionSettings, rng: np.random.Generator) -> Array:

@@ -26,7 +26,6 @@ class Estimator(Protocol):
             Current estimate; None before the first one.
 
         """
-        ...
 
 
 class ReplacingStage(Stateful):

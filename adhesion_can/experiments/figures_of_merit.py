@@ -147,7 +147,8 @@ def compute_figures(
         steady = errors
     else:
         slips = np.empty((0, len(QUANTITIES)))
-        steady = errors[:, steady_updates(experiment)]
+        after = [k // experiment.update for k in experiment.switches]
+        steady = errors[:, np.setdiff1d(np.arange(experiment.updates), after)]
     return FiguresOfMerit(
         rmse=rms(errors, (0, 1)),
         rmse_steady=rms(steady, (0, 1)),
@@ -178,12 +179,6 @@ def quartiles(values: Array) -> Array:
     if not values.size:
         return np.full(3, np.nan)
     return np.asarray(np.quantile(values, [0.25, 0.5, 0.75], method="inverted_cdf"))
-
-
-def steady_updates(experiment: Experiment) -> Array:
-    """Indices of the updates without the first one after each switch."""
-    after = [k // experiment.update for k in experiment.switches]
-    return np.setdiff1d(np.arange(experiment.updates), after)
 
 
 def _updates_needed(values: Array, outcome: NoiseLevelResult) -> Array:

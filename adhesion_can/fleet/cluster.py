@@ -62,11 +62,13 @@ def open_cluster(
         warnings.simplefilter("ignore", VersionMismatchWarning)
         if address is None:
             stack.enter_context(dask.config.set(OURS))
+            count = workers or int(CPU_COUNT)  # cores that this process may use
             cluster = LocalCluster(
-                n_workers=workers or count_cores(),
+                n_workers=count,
                 threads_per_worker=1,
                 processes=True,
-                memory_limit=memory or share_of_memory(workers or count_cores()),
+                # Nine tenths of the machine's, divided.
+                memory_limit=memory or int(0.9 * MEMORY_LIMIT / count),
                 host="127.0.0.1",
                 # Without a dashboard there is a server of pages all the same: with none.
                 scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
@@ -92,16 +94,6 @@ def _close(cluster: LocalCluster) -> None:
     except TimeoutError:
         # A worker that was killed takes more than dask's 5 s to end where the machine is busy.
         cluster.status = Status.closed
-
-
-def count_cores() -> int:
-    """Number of cores that this process may use."""
-    return int(CPU_COUNT)
-
-
-def share_of_memory(workers: int) -> int:
-    """Memory of a worker, bytes: nine tenths of the machine's, divided."""
-    return int(0.9 * MEMORY_LIMIT / workers)
 
 
 def require_workers(client: Client, address: str | None, out: str, seen: str | None) -> None:

@@ -42,12 +42,8 @@ class Place:
     @property
     def is_local(self) -> bool:
         """Whether it is on this machine."""
-        return "file" in self._protocols
-
-    @property
-    def _protocols(self) -> tuple[str, ...]:
         protocol = self.system.protocol
-        return (protocol,) if isinstance(protocol, str) else tuple(protocol)
+        return "file" in ((protocol,) if isinstance(protocol, str) else protocol)
 
     @property
     def name(self) -> str:

@@ -78,7 +78,7 @@ class _Flight:
     def run(self) -> Iterator[Outcome]:
         """Outcomes in the order in which they come."""
         try:
-            while not self._done:
+            while self._flying or self._again or self._alone or not self._exhausted:
                 self._fill()
                 if self._flying:
                     outcome = self._land(next(self._completed))
@@ -87,10 +87,6 @@ class _Flight:
         finally:
             for future in self._flying:
                 future.cancel()
-
-    @property
-    def _done(self) -> bool:
-        return self._exhausted and not (self._flying or self._again or self._alone)
 
     def _fill(self) -> None:
         """Submit as many units as there is room for."""

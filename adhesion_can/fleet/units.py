@@ -55,7 +55,10 @@ class Unit:
     @property
     def unit_id(self) -> str:
         """Identity: the file's name, and a hash of its whole path."""
-        name = re.sub(r"[^A-Za-z0-9._-]+", "_", _file_name(self.path))[:60]
+        name = self.path.rstrip("/").rsplit("/", 1)[-1]
+        if is_url(self.path):
+            name = unquote(name.partition("?")[0])
+        name = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60]
         return f"{name}-{sha256(self.path.encode()).hexdigest()[:12]}"
 
 
@@ -209,11 +212,6 @@ def _is_taken(name: str, folder: str) -> bool:
     if suffixes and suffixes[-1] in {".gz", ".zst"}:
         suffixes.pop()
     return bool(suffixes) and suffixes[-1] in _SUFFIXES
-
-
-def _file_name(path: str) -> str:
-    name = path.rstrip("/").rsplit("/", 1)[-1]
-    return unquote(name.partition("?")[0]) if is_url(path) else name
 
 
 def _vehicle_by(expression: str | None) -> Callable[[str], str]:

@@ -150,7 +150,9 @@ def work_on(task: Task) -> Outcome:
     except (InputError, OSError) as error:
         analysis.fail(READ, describe_error(error))
     if kept is not None and is_kept:
-        renew_fingerprint(task, kept)
+        if kept.fingerprint != unit.fingerprint:
+            with writing_errors(task):  # it is the same in spite of it, and not hashed again
+                DataSet(task.out).write_fingerprint(kept, unit.fingerprint)
         return describe_kept(kept)
     fields = describe_unit(task, content) | analysis.fields
     fields["status"] = FAILED if analysis.failed else DONE
@@ -183,13 +185,6 @@ def store(task: Task, fields: Row, analysis: Analysis) -> None:
         if task.kept is not None:
             data_set.remove(task.kept)
         data_set.write(fields, analysis.rows)
-
-
-def renew_fingerprint(task: Task, kept: Kept) -> None:
-    """Write the fingerprint of a file that is the same in spite of it: it is not hashed again."""
-    if kept.fingerprint != task.unit.fingerprint:
-        with writing_errors(task):
-            DataSet(task.out).write_fingerprint(kept, task.unit.fingerprint)
 
 
 @contextmanager

@@ -109,7 +109,10 @@ def build_library(name: str) -> bytes:
     with suppress(OSError):  # it is not there yet, or cannot be read: it is made
         return cached.read_bytes()
     library = _compile(target, compilers)
-    _keep(cached, library)
+    with suppress(OSError, InputError):  # else it is compiled again next time
+        cached.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(cached, "wb", own_name=True) as file:
+            file.write(library)
     return library
 
 
@@ -122,14 +125,6 @@ def cache_folder() -> Path:
     else:
         base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(base) / "adhesion-can"
-
-
-def _keep(path: Path, library: bytes) -> None:
-    """Write a library into the cache; where that cannot be done it is compiled again next time."""
-    with suppress(OSError, InputError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path, "wb", own_name=True) as file:
-            file.write(library)
 
 
 def _has_zig() -> bool:

@@ -28,19 +28,14 @@ def _size(value: ParameterValue, factor: float, unit: str) -> str:
     return measured(abs(factor * value.value), std, unit)
 
 
-def _speed_scale(values: _Values) -> str:
-    error = values["error"]
-    return f"vehicle speed reads {_size(error, 100, '%')} {_side(error.value)}"
+def _reading(what: str, name: str, factor: float, unit: str) -> Callable[[_Values], str]:
+    """Clause on a reading that is high or low by a parameter, `factor` times its value."""
 
+    def describe(values: _Values) -> str:
+        side = "high" if values[name].value > 0.0 else "low"
+        return f"{what} {_size(values[name], factor, unit)} {side}"
 
-def _effort_bias(values: _Values) -> str:
-    bias = values["bias"]
-    return f"efforts read {_size(bias, 1e-3, 'kN')} {_side(bias.value)}"
-
-
-def _effort_gain(values: _Values) -> str:
-    gain = values["gain"]
-    return f"efforts read {_size(gain, 100, '%')} {_side(gain.value)}"
+    return describe
 
 
 def _wheel_radius(values: _Values) -> str:
@@ -55,14 +50,10 @@ def _rail_cleaning(values: _Values) -> str:
     return f"each axle finds {_size(gain, 100, '%')} {side} adhesion than the axle ahead"
 
 
-def _side(value: float) -> str:
-    return "high" if value > 0.0 else "low"
-
-
 _OWN_WORDS: Mapping[tuple[str, str], Callable[[_Values], str]] = {
-    ("speed_scale", ""): _speed_scale,
-    ("effort_bias", ""): _effort_bias,
-    ("effort_gain", "all"): _effort_gain,
+    ("speed_scale", ""): _reading("vehicle speed reads", "error", 100, "%"),
+    ("effort_bias", ""): _reading("efforts read", "bias", 1e-3, "kN"),
+    ("effort_gain", "all"): _reading("efforts read", "gain", 100, "%"),
     ("wheel_radius", ""): _wheel_radius,
     ("rail_cleaning", ""): _rail_cleaning,
 }

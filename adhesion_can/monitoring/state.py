@@ -171,7 +171,8 @@ class MonitorState:
                 self._directions.add("traction" if sample.adhesion > 0.0 else "braking")
             while recent[0].t_us < sample.t_us - AXLE_US:
                 recent.popleft()
-            if sample.t_us // POINT_STEP_US != _previous_step(recent):
+            step_before = recent[-2].t_us // POINT_STEP_US if len(recent) > 1 else None
+            if sample.t_us // POINT_STEP_US != step_before:
                 sign = 1.0 if sample.slip >= 0 else -1.0
                 self._points.append(
                     OperatingPoint(
@@ -209,11 +210,6 @@ class MonitorState:
         """Latest value of a role; None where it is not available, or older than a second."""
         stamp_us, value = self._values.get((role, axle), (0, None))
         return value if t_us - stamp_us <= 1_000_000 else None
-
-
-def _previous_step(recent: deque[Sample]) -> int | None:
-    """Step of the sample before the latest one; None where there is none."""
-    return recent[-2].t_us // POINT_STEP_US if len(recent) > 1 else None
 
 
 def _watched_messages(configuration: Configuration) -> dict[str, WatchedMessage]:

@@ -32,7 +32,9 @@ def propose_instruments(
 
     """
     first = fitted.segments[0].estimate
-    if not _has_both_directions(samples):
+    force = samples.adhesion
+    # In one direction only the form of the curve would show errors.
+    if not min(np.mean(force > LEAST_FORCE), np.mean(force < -LEAST_FORCE)) > LEAST_SHARE:
         return
     estimators, vehicle = configuration.estimators, configuration.vehicle
     found = estimate_shared_errors(
@@ -60,12 +62,6 @@ def propose_instruments(
         f"{_in_words(effort, 1.0, ' N')}. With {' and '.join(keys)} in [instruments], the service "
         "knows the peak before the train has braked"
     )
-
-
-def _has_both_directions(samples: Samples) -> bool:
-    """Whether traction and braking were driven: in one of them only the form would show errors."""
-    force = samples.adhesion
-    return bool(min(np.mean(force > LEAST_FORCE), np.mean(force < -LEAST_FORCE)) > LEAST_SHARE)
 
 
 def _propose(error: SharedError, stated: float, usual: float) -> float | None:

@@ -38,7 +38,9 @@ def inspect_signs(points: MeasuredPoints) -> Iterator[Finding]:
             "in braking both are below 0; pass --column slip=slip,sign=-1, or the same for the "
             "force"
         )
-    shift = _shift(points)
+    shift: Shift | None = None
+    if points.t_us is not None and not np.any(np.diff(points.t_us) < 0):
+        shift = find_shift(points.t_us, points.slip, points.adhesion)
     unexplained_by_sign = 1.0 if shift is None else 1.0 - min(shift.unshifted, 0.0) ** 2
     if shift is None or unexplained_by_sign < MOST_LEFT * shift.unexplained:
         yield Finding(what, turn)
@@ -52,13 +54,6 @@ def inspect_signs(points: MeasuredPoints) -> Iterator[Finding]:
         yield Finding(what, shift.fix)
     else:
         yield Finding(what, f"{turn}; if one is late, {shift.fix}")
-
-
-def _shift(points: MeasuredPoints) -> Shift | None:
-    """Shift of one axle's rows in time; None where they have no ascending stamps."""
-    if points.t_us is None or np.any(np.diff(points.t_us) < 0):
-        return None
-    return find_shift(points.t_us, points.slip, points.adhesion)
 
 
 def inspect_missing_sign(points: MeasuredPoints) -> Iterator[Finding]:

@@ -92,8 +92,9 @@ def axis_ratio(
     low, high = 1e-3, 1e3
     for _ in range(100):
         ratio = sqrt(low * high)
+        own_along, own_across = _curvatures(ratio)
         # The wider ellipse belongs to the smaller curvature across.
-        too_long = _curvature_ratio(ratio) < along / across
+        too_long = own_along / own_across < along / across
         low, high = (low, ratio) if too_long else (ratio, high)
     return sqrt(low * high)
 
@@ -137,12 +138,6 @@ def _reference_stiffness(wheel_radius: float, ratio: float) -> float:
     wheel_load = REFERENCE_LOAD / 2
     ellipse = contact_ellipse(wheel_load, wheel_radius, ratio)
     return SHEAR_MODULUS * ellipse.a * ellipse.b * kalker_c11(ratio) / wheel_load
-
-
-def _curvature_ratio(ratio: float) -> float:
-    """Relative curvature along over that across, at a ratio a/b; it falls with the ratio."""
-    along, across = _curvatures(ratio)
-    return along / across
 
 
 def _curvatures(ratio: float) -> tuple[float, float]:

@@ -130,17 +130,14 @@ class InstrumentLaw(Protocol):
     @property
     def quantity(self) -> Quantity:
         """Kind of reading that is wrong."""
-        ...
 
     @property
     def needs(self) -> frozenset[Need]:
         """What the situation must hold."""
-        ...
 
     @property
     def covariates(self) -> tuple[str, ...]:
         """Names of the covariates that the situation must hold."""
-        ...
 
     def error(self, situation: Situation, lags: "LagStates") -> ReadingError:
         """Error of the readings.
@@ -150,7 +147,6 @@ class InstrumentLaw(Protocol):
             lags: Lagging states, carried from call to call; fresh for a whole drive.
 
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -156,7 +156,8 @@ class Locomotive:
             traction: Height of the link that pulls the body, relative to that of the geometry.
 
         """
-        return _transfer_shares(self.geometry or usual_geometry(self.axles), traction)
+        geometry = self.geometry or Geometry(_BOGIES.get(self.axles, (self.axles,)))
+        return _transfer_shares(geometry, traction)
 
     def loads(self, effort: ArrayLike) -> Array:
         """Axle loads under effort (N, shape (..., axles)): static load and its transfer, N."""
@@ -168,11 +169,6 @@ class Locomotive:
 
 _BOGIES: dict[int, tuple[int, ...]] = {4: (2, 2), 6: (3, 3), 8: (2, 2, 2, 2), 12: (3, 3, 3, 3)}
 """Axles of each bogie of a usual vehicle by its number of axles; of others in one frame."""
-
-
-def usual_geometry(axles: int) -> Geometry:
-    """Geometry of a usual vehicle with two axles or more, in the proportions of the default."""
-    return Geometry(_BOGIES.get(axles, (axles,)))
 
 
 @lru_cache(maxsize=32)

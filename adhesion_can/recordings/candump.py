@@ -68,12 +68,6 @@ class ReadReport:
         self.backwards, self.notes = other.backwards, other.notes
         self.remarks = other.remarks
 
-    def _pass_over(self, kind: str, number: int) -> None:
-        """Count a line that could not be read."""
-        self.kinds[kind] += 1
-        if len(self.bad_lines) < 10:
-            self.bad_lines.append(number)
-
     def skip(self, kind: str, number: int, *, is_whole: bool) -> None:
         """Count a line that gave no frame.
 
@@ -83,10 +77,9 @@ class ReadReport:
             is_whole: Whether the line has its line end.
 
         """
-        if kind in ("blank", "comment", "other"):
-            self.kinds[kind] += 1
-        else:
-            self._pass_over("cut" if kind == "malformed" and not is_whole else kind, number)
+        self.kinds["cut" if kind == "malformed" and not is_whole else kind] += 1
+        if kind not in ("blank", "comment", "other") and len(self.bad_lines) < 10:
+            self.bad_lines.append(number)
 
 
 def looks_like_candump(line: bytes) -> bool:

@@ -67,7 +67,11 @@ class DriveTime:
         for block in stretches.blocks(blocks):
             begins_ns = int(block.t_ns[0])
             if is_first and self._latest_ns is not None and begins_ns < self._latest_ns:
-                raise _out_of_order(recording)
+                raise RecordingError(
+                    str(recording.path),
+                    "starts before the previous recording ends",
+                    "name the recordings in the order of their times, or replay them one by one",
+                )
             is_first = False
             self._latest_ns = max(int(block.t_ns.max()), self._latest_ns or 0)
             yield block
@@ -242,11 +246,3 @@ def _names(rows: Block) -> list[tuple[str, int]]:
         (names[channel], key)
         for channel, key in zip(rows.channel.tolist(), rows.key.tolist(), strict=True)
     ]
-
-
-def _out_of_order(recording: Recording) -> RecordingError:
-    return RecordingError(
-        str(recording.path),
-        "starts before the previous recording ends",
-        "name the recordings in the order of their times, or replay them one by one",
-    )

@@ -103,7 +103,8 @@ class Recording:
     def __iter__(self) -> Iterator[Frame | Mark]:
         """Frames in the order of the file."""
         if self._format == CANDUMP:
-            yield from self._candump()
+            with self._source(self.report) as source:
+                yield from read_candump(source.lines(), self.report)
         elif self._format in COLUMNS:
             for block in self._column_blocks(_CHUNK):
                 yield from block.items()
@@ -182,10 +183,6 @@ class Recording:
                 return source.head(HEAD)
         except OSError:
             return b""
-
-    def _candump(self) -> Iterator[Frame | Mark]:
-        with self._source(self.report) as source:
-            yield from read_candump(source.lines(), self.report)
 
     def _candump_blocks(self, size: int) -> Iterator[Block]:
         with self._source(ReadReport()) as source:

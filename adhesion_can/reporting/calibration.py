@@ -32,7 +32,13 @@ def calibration_notes(
             f"spans of steady speed (within {settings.acceleration_max:g} m/s²) and contain the "
             "slip of traction."
         )
-    notes += [_too_little(axle, settings) for axle in result.axles if axle.estimate is None]
+    notes += [
+        f"Axle {axle.axle} keeps its radius: it coasts for {axle.coasting_s:.1f} s in "
+        f"{axle.blocks} blocks of {settings.block_s:g} s; {settings.coasting_min_s:g} s in "
+        f"{settings.blocks_min} blocks are needed."
+        for axle in result.axles
+        if axle.estimate is None
+    ]
     notes += _not_identifiable(result, settings)
     if rim:
         axles = ", ".join(map(str, sorted(rim)))
@@ -77,14 +83,6 @@ def _change(axle: AxleRadius) -> str:
     """Change of a radius with its standard error, %."""
     std = axle.estimate.std if axle.estimate else inf
     return f"{100 * (axle.ratio - 1):+.3f} ± {100 * std / axle.configured:.3f}"
-
-
-def _too_little(axle: AxleRadius, settings: CalibrationSettings) -> str:
-    return (
-        f"Axle {axle.axle} keeps its radius: it coasts for {axle.coasting_s:.1f} s in "
-        f"{axle.blocks} blocks of {settings.block_s:g} s; {settings.coasting_min_s:g} s in "
-        f"{settings.blocks_min} blocks are needed."
-    )
 
 
 def _not_identifiable(result: Calibration, settings: CalibrationSettings) -> list[str]:

@@ -200,16 +200,11 @@ def _unknown(value: Array, var: float, rounding: float) -> str:
     return ""
 
 
-def _starts(count: int) -> tuple[list[int], int]:
-    """First readings of the pieces, and their length."""
-    length = min(SPAN, count)
-    pieces = min(SPANS, count // length)
-    return [int(i) for i in np.linspace(0, count - length, pieces)], length
-
-
 def _spans(trace: Trace) -> tuple[Array, Array]:
     """Stamps, s, and values in pieces spread over the recording, shape (pieces, n) each."""
-    starts, length = _starts(len(trace.t_us))
+    count = len(trace.t_us)
+    length = min(SPAN, count)
+    starts = [int(i) for i in np.linspace(0, count - length, min(SPANS, count // length))]
     value = np.stack([trace.value[i : i + length] for i in starts])
     t_us = np.stack([trace.t_us[i : i + length] for i in starts])
     return (t_us - trace.t_us[0]) * 1e-6, value

@@ -30,7 +30,6 @@ class BusListener:
     Args:
         bus: Bus to listen to.
         notify: Callback with a line for the operator; called in the thread.
-        clock: Clock of this host, which nobody sets, µs; None starts one.
         capacity: Largest number of frames that wait to be taken.
 
     """
@@ -40,10 +39,9 @@ class BusListener:
         bus: ReconnectingBus,
         notify: Callable[[str], None] = lambda _: None,
         *,
-        clock: Callable[[], int] | None = None,
         capacity: int = CAPACITY,
     ) -> None:
-        self.clock = clock or start_clock()
+        self.clock = start_clock()
         self._bus = bus
         self._stamps = StampClock(notify)
         self._queue = ReceiveQueue(bus, self._age_us, self.clock)

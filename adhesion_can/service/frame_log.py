@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from adhesion_can.errors import InputError
@@ -81,12 +80,7 @@ class FrameLog:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _traceback: object) -> None:
         self.close(failed=error is not None)
 
     def _begin(self, path: Path) -> None:
@@ -162,7 +156,7 @@ class LogBehind:
             capacity=WAITING_LINES,
             pause_s=GATHER_S,
             finish=lambda failed: self._log.close(failed=failed),
-            fills=self._tell_hole,
+            fills=lambda: notify("--log: losing lines: the disk or the reader is too slow"),
             flows=self._mark_hole,
         )
 
@@ -192,9 +186,6 @@ class LogBehind:
                 f"--log: {self.lost} lines lost: they were not written before the service ended"
             )
         return has_ended
-
-    def _tell_hole(self) -> None:
-        self._notify("--log: losing lines: the disk or the reader is too slow")
 
     def _mark_hole(self, lines: int) -> None:
         text = f"{lines} lines lost: the disk or the reader was too slow"

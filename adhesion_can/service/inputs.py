@@ -53,11 +53,6 @@ class _MessageTimeout:
     last_us: int
     seen_us: int
 
-    @property
-    def timeout_us(self) -> int:
-        """Longest silence that is not stale, µs."""
-        return STALE_CYCLES * self.cycle_us
-
 
 class _Ahead(NamedTuple):
     """Samples collected ahead of a due time.
@@ -173,7 +168,7 @@ class FrameInputs:
 
     def is_stale(self, t_us: int) -> bool:
         """Whether a required input is silent for over `STALE_CYCLES` cycles at a time, µs."""
-        return any(t_us - message.last_us > message.timeout_us for message in self._supervised)
+        return any(t_us - one.last_us > STALE_CYCLES * one.cycle_us for one in self._supervised)
 
     def _count_frames(self) -> tuple[int, int]:
         return self._receiver.rejected, self._receiver.lost

@@ -242,7 +242,8 @@ class OutputBuilder:
         if estimate.observed_speed is not None:
             speed = estimate.observed_speed
         if current.speed_derived:
-            estimate = _without_confidence(estimate)
+            # Sent as an estimate whose peak is not identifiable.
+            estimate = replace(estimate, mu_max_std=inf, lambda_m_std=inf)
         return build_outputs(
             estimate,
             current.status,
@@ -253,8 +254,3 @@ class OutputBuilder:
             speed,
             self._mu_ceiling,
         )
-
-
-def _without_confidence(estimate: Estimate) -> Estimate:
-    """The estimate as it is sent where its peak is not identifiable."""
-    return replace(estimate, mu_max_std=inf, lambda_m_std=inf)

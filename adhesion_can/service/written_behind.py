@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from adhesion_can.pipes import is_stream
@@ -52,12 +51,7 @@ class WrittenBehind:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _traceback: object) -> None:
         """End both at once, and wait as long as a disk or a reader may take."""
         if self._log is not None:
             self._log.end(failed=error is not None)

@@ -53,12 +53,6 @@ class QuantityRange(NamedTuple):
     signal: BoundSignal
 
 
-def signal_range(signal: BoundSignal) -> QuantityRange:
-    """Range of the values that a signal can carry, in the role's SI unit."""
-    one, other = (end * signal.scale - signal.offset for end in signal.plan.sendable)
-    return QuantityRange(min(one, other), max(one, other), signal)
-
-
 def noise_of(vehicle: Locomotive) -> SensorNoiseSettings:
     """Noise of the sensors of a vehicle; effort and load in proportion to its static loads."""
     size, usual = vehicle.relative_load, SensorNoiseSettings()
@@ -160,7 +154,8 @@ def _ranges(messages: Sequence[BoundMessage], role: Role) -> Iterator[QuantityRa
     for message in messages:
         for signal in message.signals:
             if signal.role is role:
-                yield signal_range(signal)
+                ends = [end * signal.scale - signal.offset for end in signal.plan.sendable]
+                yield QuantityRange(min(ends), max(ends), signal)
 
 
 def effort_ranges(messages: Sequence[BoundMessage]) -> Iterator[QuantityRange]:

@@ -267,7 +267,7 @@ def test_the_surface_is_dated_from_the_first_usable_sample(name):
 def test_memory_does_not_grow_with_the_samples(name):
     estimator = make(name, generations=2, population=6)
     if name == "window":
-        estimator = WindowEstimator(WindowSettings(most=1000))
+        estimator = WindowEstimator(settings=WindowSettings(most=1000))
     parts = [stretch(DRY, k, n=100, sd=0.02) for k in range(30)]
     for part in parts:
         estimator.update(part, 0)
@@ -297,7 +297,7 @@ def textbook_rls(phi, z, forgetting, spread):
 @pytest.mark.parametrize("cuts", [[400], [1, 399], [130, 130, 140]])
 def test_rls_is_the_textbooks_recursion(cuts):
     h, z = stretch(DRY, 1, n=400).folded()
-    estimator = RlsEstimator(RlsSettings(forgetting=0.99, prior_std=(1e4, 1e5, 1e4)))
+    estimator = RlsEstimator(settings=RlsSettings(forgetting=0.99, prior_std=(1e4, 1e5, 1e4)))
     at = 0
     for n in cuts:
         estimator._add(h[at : at + n], z[at : at + n])
@@ -361,7 +361,7 @@ def test_ekf_without_walk_comes_near_the_maximum_a_posteriori():
     start, spread = (0.39, 58.0, 0.28), (0.1, 0.1, 0.2)
     samples = stretch(DRY, 3, n=2000, sd=0.02)
     quiet = EkfSettings(start=start, start_std=spread, walk_std=(0, 0, 0), noise_std=0.02)
-    e = feed(EkfEstimator(quiet), samples)[-1]
+    e = feed(EkfEstimator(settings=quiet), samples)[-1]
     h, z = samples.folded()
 
     def residuals(x):
@@ -443,7 +443,7 @@ def test_noise_of_slip_in_the_steep_part_does_not_reset_the_window():
 
 
 def test_the_window_grows_then_slides():
-    estimator = WindowEstimator(WindowSettings(most=1500))
+    estimator = WindowEstimator(settings=WindowSettings(most=1500))
     counts = [e.samples for e in feed(estimator, stretch(DRY, 1, n=4000), 100)]
     assert counts == sorted(counts)
     assert counts[9] > 900

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from adhesion_can.config import load_configuration
 from adhesion_can.estimation.tracker.layout import BINS
-from adhesion_can.estimation.tracker.points import is_usable
+from adhesion_can.estimation.tracker.points import carries_information, is_valid
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import MemorySettings, PriorSettings, TrackerSettings
 from adhesion_can.estimation.tracker.tracker import Tracker
@@ -460,7 +460,9 @@ def test_how_far_the_slips_reached_does_not_depend_on_the_curve():
     updates = [measured(k, rng, vehicle=0.05, top=0.3) for k in range(20)]
     feed(tracker, updates)
     samples = Samples.concatenate(updates)
-    samples = samples.select(is_usable(samples, SLIP_MAX))
+    samples = samples.select(is_valid(samples, SLIP_MAX))
+    errors = samples.slip_total_var, samples.adhesion_var
+    samples = samples.select(carries_information(samples.slip, samples.adhesion, *errors))
     surely = samples.slip - 4 * np.sqrt(samples.slip_total_var)
     counted, _ = np.histogram(np.clip(surely, 0, None), np.linspace(0, SLIP_MAX, BINS + 1))
     np.testing.assert_allclose(tracker._memories.histogram, counted, atol=1e-6)

@@ -53,11 +53,16 @@ def build_drive_data_from_table(
     lost = {"slip, speed or load out of range": int((~good).sum())}
     rows = samples.select(good)
     parts = np.zeros(len(rows), dtype=np.int64) if segment is None else segment[good]
-    number = _number_axles(rows.axle)
+    number = rows.axle
+    if len(number) and (number.min() < 1 or number.max() > MOST_AXLES):
+        # Where they are not plausible, consecutive numbers take their place.
+        number = np.unique(number, return_inverse=True)[1] + 1
     first_us = int(rows.t_us.min()) if len(rows) else 0
     independent = len(samples) < SERIES_ROWS or not timed
     if independent:
-        t_s = _arbitrary_times(len(rows))
+        # Far apart and in random order, so that blocks are random.
+        shuffled = np.random.default_rng(len(rows)).permutation(len(rows))
+        t_s = SEPARATION_S * shuffled.astype(np.float64)
     else:
         t_s = _monotonic_times((rows.t_us - first_us) / 1e6, parts, number)
     order = np.lexsort((t_s, number))
@@ -97,18 +102,6 @@ def _is_force_derived(samples: Samples) -> bool:
         for own in (samples.axle == axle for axle in np.unique(samples.axle))
     )
     return any(table is not None for table in found)
-
-
-def _number_axles(axle: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Axle numbers of the table where they are plausible (1 to 100), else consecutive ones."""
-    if len(axle) and (axle.min() < 1 or axle.max() > MOST_AXLES):
-        return np.unique(axle, return_inverse=True)[1] + 1
-    return axle
-
-
-def _arbitrary_times(rows: int) -> Array:
-    """Times of independent points, s: far apart and in random order, so that blocks are random."""
-    return SEPARATION_S * np.random.default_rng(rows).permutation(rows).astype(np.float64)
 
 
 def _monotonic_times(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:

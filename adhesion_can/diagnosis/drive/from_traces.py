@@ -80,7 +80,12 @@ def build_drive_data_from_traces(
         parts.append((t[keep], np.full(int(keep.sum()), axle), effort[keep]))
     t_s, axles, efforts = (np.concatenate(column) for column in zip(*parts, strict=True))
     direction = signals.compute_direction(t_s)
-    travelled = np.interp(t_s, speed.t_s, integrate(speed))
+    position = np.interp(t_s, speed.t_s, integrate(speed))
+    if vehicle.geometry is not None:
+        # An axle is as far back as it stands behind the leading one.
+        places = vehicle.geometry.axle_places
+        own = places[axles - 1]
+        position = position - np.where(direction > 0, own, places[-1] - own)
     names = {(role, 0): name for role, name in COVARIATES.items()}
     names |= {(Role.CHANNEL, number): one.name for number, one in enumerate(channels, 1)}
     covariates = _interpolate_covariates(traces, names, t_s, origin, lost)
@@ -93,7 +98,7 @@ def build_drive_data_from_traces(
         covariates=covariates,
         radius=signals.radius,
         inertia=vehicle.wheelset_inertia,
-        position=travelled - distance_behind_leading_axle(vehicle, axles, direction),
+        position=position,
         kinematics=SignalKinematics(axles, t_s, signals),
         has_load=len(signals.loads) == len(signals.wheels),
         first_us=origin,
@@ -146,24 +151,6 @@ def _collect_signals(
     return SmoothedSignals(
         axles.wheels, speed, loads, axles.efforts, vehicle, fast, direction, noise
     )
-
-
-def distance_behind_leading_axle(
-    vehicle: Locomotive, axle: NDArray[np.int64], direction: Array
-) -> Array:
-    """Distance behind the leading axle, m, shape (n,); zeros where the geometry is not known.
-
-    Args:
-        vehicle: Configured vehicle.
-        axle: Axle number of each row from 1, shape (n,).
-        direction: Direction of travel, 1 or −1; shape (n,).
-
-    """
-    if vehicle.geometry is None:
-        return np.zeros(len(axle))
-    places = vehicle.geometry.axle_places
-    own = places[axle - 1]
-    return np.where(direction > 0, own, places[-1] - own)
 
 
 def _find_usable_rows(

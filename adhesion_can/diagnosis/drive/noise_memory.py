@@ -72,7 +72,10 @@ def fit_lasting_noise(
     """
     points = len(weights)
     lags = np.arange(2 * points)
-    observed = _autocovariance(_without_jumps(residual), runs, points, len(lags))
+    # A jump of the signal is no noise: the residual is clipped at a few of its usual sizes.
+    usual = float(np.nanmedian(np.abs(residual))) * NORMAL_OVER_MEDIAN
+    most = MOST_DEVIATIONS * usual if usual else np.inf
+    observed = _autocovariance(np.clip(residual, -most, most), runs, points, len(lags))
     rest = -weights
     rest[points // 2] += 1.0
     kernel = scipy.signal.fftconvolve(rest, rest[::-1])
@@ -98,13 +101,6 @@ def fit_lasting_noise(
         return best
     possible = (noise.lasting for left, noise in fits if left <= RULED_OUT * least)
     return replace(best, largest=max(best.lasting, *possible))
-
-
-def _without_jumps(residual: Array) -> Array:
-    """Residual clipped at a few of its usual sizes: a jump of the signal is no noise."""
-    usual = float(np.nanmedian(np.abs(residual))) * NORMAL_OVER_MEDIAN
-    most = MOST_DEVIATIONS * usual if usual else np.inf
-    return np.clip(residual, -most, most)
 
 
 def _autocovariance(

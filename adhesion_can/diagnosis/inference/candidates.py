@@ -49,7 +49,11 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
     """Effects that the recordings can be tested for, and the others with the reason."""
     candidates_found: list[Candidate] = []
     untested: dict[tuple[str, str], str] = {}
-    wheelset = _mean_wheelset(drives)
+    wheelset = Wheelset(
+        load=float(np.mean(observed_column(drives, "load"))),
+        radius=float(np.mean(np.concatenate([drive.radius for drive in drives]))),
+        inertia=float(np.mean([drive.inertia for drive in drives])),
+    )
     axles = sorted(set.union(*(set(np.unique(c.axle).tolist()) for c in drives)))
     for effect in known_effects():
         why = _missing(effect, drives)
@@ -79,15 +83,6 @@ def _describe_untested(
         for (effect, form), why in untested.items()
     }
     return [Untested(what, why) for what, why in reasons.items()]
-
-
-def _mean_wheelset(drives: Sequence[DriveData]) -> Wheelset:
-    """Mean data of the wheelsets of some drives."""
-    return Wheelset(
-        load=float(np.mean(observed_column(drives, "load"))),
-        radius=float(np.mean(np.concatenate([drive.radius for drive in drives]))),
-        inertia=float(np.mean([drive.inertia for drive in drives])),
-    )
 
 
 def _plausible(effect: Effect, wheelset: Wheelset) -> tuple[float, float]:
@@ -191,7 +186,8 @@ def _too_coarse(effect: Effect, drives: Sequence[DriveData]) -> str:
             continue
         limit = COARSE * parameter.typical
         for drive in drives:
-            step = _median_step(drive, along=parameter.unit == "m")
+            speed = drive.observe().speed[1:] if parameter.unit == "m" else 1.0
+            step = median_step(drive.time_s, drive.axle, speed)
             if step > limit:
                 return (
                     f"the rows of {drive.name} are {step:.2g} {parameter.unit} apart, too far "
@@ -232,12 +228,6 @@ def _typical_values(effect: Effect) -> tuple[float, ...]:
     return tuple(p.typical for p in effect.parameters)
 
 
-def _median_step(drive: DriveData, *, along: bool) -> float:
-    """Median distance of rows that follow each other, m, or time between them, s."""
-    speed = drive.observe().speed[1:] if along else 1.0
-    return median_step(drive.time_s, drive.axle, speed)
-
-
 def _missing_rows(effect: Effect, drives: Sequence[DriveData]) -> str:
     """Why the rows of these drives cannot show an effect; '' where they can."""
     requires = effect.requires
@@ -257,17 +247,14 @@ def _missing_drives(requires: Requirements, drives: Sequence[DriveData]) -> str:
     """Why drives of this kind cannot show an effect; '' where they can."""
     if requires.all_efforts and any(drive.kinematics.efforts is None for drive in drives):
         return "the efforts of all axles are not known"
-    if requires.braking and _braking_share(drives) < LEAST_BRAKING:
+    if (
+        requires.braking
+        and np.mean(observed_column(drives, "adhesion") < -COASTING) < LEAST_BRAKING
+    ):
         return "there is hardly any braking"
     if requires.one_recording and len(drives) > 1:
         return "its values belong to one recording: diagnose each recording separately"
     return ""
-
-
-def _braking_share(drives: Sequence[DriveData]) -> float:
-    """Share of the rows in which an axle brakes."""
-    adhesion = observed_column(drives, "adhesion")
-    return float(np.mean(adhesion < -COASTING))
 
 
 def _is_one_sided(drives: Sequence[DriveData]) -> bool:

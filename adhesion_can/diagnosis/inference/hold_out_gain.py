@@ -105,22 +105,18 @@ def compute_hold_out_gain(
     )
     results = [(result, GainMethod.PLAIN)]
     if regression.speed_error_design.shape[1]:
-        without_errors = _take_speed_errors_off(regression, result)
-        results.append((without_errors, GainMethod.WITHOUT_SPEED_ERRORS))
+        # Both models without errors of the vehicle speed, each by its own residuals.
+        residuals = np.zeros((2, len(regression.data)))
+        residuals[:, result.rows] = result.before, result.after
+        before, after = map(regression.held_out.without_speed_errors, residuals)
+        without = HoldOutResult(result.rows, before[result.rows], after[result.rows])
+        results.append((without, GainMethod.WITHOUT_SPEED_ERRORS))
     gains = [
         gain
-        for residuals, method in results
-        for gain in _compute_gains(residuals, units, noise_floor, method)
+        for each, method in results
+        for gain in _compute_gains(each, units, noise_floor, method)
     ]
     return next(filter(is_significant, gains), gains[0])
-
-
-def _take_speed_errors_off(regression: WhitenedRegression, result: HoldOutResult) -> HoldOutResult:
-    """Residuals of both models without errors of the vehicle speed, each by its own residuals."""
-    residuals = np.zeros((2, len(regression.data)))
-    residuals[:, result.rows] = result.before, result.after
-    before, after = (regression.held_out.without_speed_errors(residual) for residual in residuals)
-    return HoldOutResult(result.rows, before[result.rows], after[result.rows])
 
 
 def _compute_gains(

@@ -78,7 +78,12 @@ def compute_next_drive(
     longest_s = min(limits.duration_max, float(np.floor(SHORT * longest_s)))
     names = tuple(explanation.name for explanation in explanations)
     if len(names) == 1 and rivals:
-        return NextDrive(names, None, _describe_unplanned(names[0], rivals))
+        why = (
+            f"No plan: no drive can be computed that distinguishes {names[0]} from "
+            f"{' or '.join(rivals)}, since no form in the library of what is named last fits these "
+            "data as well."
+        )
+        return NextDrive(names, None, why)
     return plan_drive(explanations, setting, replace(limits, duration_max=longest_s))
 
 
@@ -275,13 +280,6 @@ def _describe_too_few(names: Sequence[str]) -> str:
     return (
         f"No plan: one explanation remains, {names[0]}; another drive passed with --holdout "
         "confirms or refutes it."
-    )
-
-
-def _describe_unplanned(name: str, rivals: Sequence[str]) -> str:
-    return (
-        f"No plan: no drive can be computed that distinguishes {name} from {' or '.join(rivals)}, "
-        "since no form in the library of what is named last fits these data as well."
     )
 
 

@@ -175,17 +175,14 @@ class _PlannedRegression:
 
     def scale(self, model: Model) -> Array:
         """Reciprocal standard deviation of each row's adhesion, shape (n,)."""
-        slope = self._slope(model)
+        evaluated = evaluate_model(self._data, model.curves, model.active_effects)
+        slope = model.curves.slope(evaluated.slip, self._data.surface, evaluated.conditions)
         return np.asarray(1.0 / np.hypot(self._setting.noise, slope * self._slip_std))
 
     def gram(self, model: Model) -> Array:
         """Gram matrix of a model's whitened Jacobian and residual, shape (p + 1, p + 1)."""
         regression = self._build(model)
         return regression.compute_grams(regression.build_columns(model)).total
-
-    def _slope(self, model: Model) -> Array:
-        evaluated = evaluate_model(self._data, model.curves, model.active_effects)
-        return model.curves.slope(evaluated.slip, self._data.surface, evaluated.conditions)
 
     def _build(self, model: Model) -> WhitenedRegression:
         data, size = self._data, len(self._data)

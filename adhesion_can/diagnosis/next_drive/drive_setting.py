@@ -103,6 +103,7 @@ def build_drive_setting(
     load = np.array(vehicle.axle_load, dtype=np.float64)
     for axle in np.unique(drive.axle):
         load[axle - 1] = float(observed.load[drive.axle == axle].mean())
+    step = np.diff(drive.t_s)
     return DriveSetting(
         vehicle=vehicle,
         load=load,
@@ -112,14 +113,9 @@ def build_drive_setting(
         wheel_std=float(np.median(kinematics(0.0, 0.0).wheel_std)),
         speed_error=kinematics.speed_error,
         noise=_find_noise(regression, fitted),
-        cycle_s=_row_cycle(drive),
+        cycle_s=float(np.median(step[(step > 0.0) & (np.diff(drive.axle) == 0)])),
         block_length_s=block_length_s,
     )
-
-
-def _row_cycle(drive: DriveData) -> float:
-    step = np.diff(drive.t_s)
-    return float(np.median(step[(step > 0.0) & (np.diff(drive.axle) == 0)]))
 
 
 def _find_noise(regression: WhitenedRegression, fitted: FittedModel) -> float:

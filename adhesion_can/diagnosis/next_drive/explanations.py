@@ -72,7 +72,8 @@ def build_explanations(
     if selection.best.candidates or findings.shape is not None:
         known = [selection.best, *selection.indistinguishable]
     else:
-        known = [single for single in selection.singles if _gains(single, selection.plain)]
+        plain_square = selection.plain.cross_validated_square
+        known = [one for one in selection.singles if one.cross_validated_square < plain_square]
     models = [known_model.model for known_model in known if not _is_at_bound(known_model.model)]
     if findings.shape is not None:
         models += _rivals_of_shape(regression, findings.shape, findings.prepared.candidates)
@@ -90,7 +91,8 @@ def build_explanations(
     if not is_confirmed and scored:
         plain = fit_and_score(regression, findings.baseline.model)
         scored = [*scored[: MOST_EXPLANATIONS - 1], plain]
-    surface = _largest_surface(regression)
+    used = regression.data.surface[regression.used]
+    surface = int(np.argmax(np.bincount(used))) if len(used) else 0  # that with most rows
     return tuple(_explain(scored_model.fitted, surface) for scored_model in scored)
 
 
@@ -101,11 +103,6 @@ def _is_at_bound(model: Model) -> bool:
         for candidate, values in model.estimates
         for parameter, value in zip(candidate.free_parameters, values, strict=True)
     )
-
-
-def _gains(scored: ScoredModel, plain: ScoredModel) -> bool:
-    """Whether a model predicts better than the plain one at all."""
-    return scored.cross_validated_square < plain.cross_validated_square
 
 
 def _rivals_of_shape(
@@ -152,12 +149,6 @@ def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
         effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
         best.setdefault((one.model.curves.family.name, effects), one)
     return list(best.values())
-
-
-def _largest_surface(regression: WhitenedRegression) -> int:
-    """Number of the surface with most rows."""
-    used = regression.data.surface[regression.used]
-    return int(np.argmax(np.bincount(used))) if len(used) else 0
 
 
 def _explain(fitted: FittedModel, surface: int) -> Explanation:

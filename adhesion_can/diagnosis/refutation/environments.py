@@ -114,7 +114,8 @@ def _divide(name: str, values: Array) -> Partition | None:
     levels, counts = np.unique(values, return_counts=True)
     if len(levels) < 2:
         return None
-    label, unit = _label(name), unit_text(_UNITS.get(name, channel_unit(name)))
+    label = _LABELS.get(name) or channel_label(name)
+    unit = unit_text(_UNITS.get(name, channel_unit(name)))
     if len(levels) <= FEW_VALUES:
         labels = tuple(f"{label} {short(float(level))} {unit}".strip() for level in levels)
         return Partition(name, labels, np.searchsorted(levels, values))
@@ -147,10 +148,6 @@ _LABELS: Mapping[str, str] = {
     "slip_work": f"mean slip power of {WORK_TIME_S:g} s",
     "motor_heat": f"rms effort of {HEAT_TIME_S:g} s",
 }
-
-
-def _label(name: str) -> str:
-    return _LABELS.get(name) or channel_label(name)
 
 
 def _groups(data: RegressionData, slip: Array) -> Iterator[Partition]:

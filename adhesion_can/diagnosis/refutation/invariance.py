@@ -166,6 +166,8 @@ class _SplitEffect:
     ) -> SizesByEnvironment:
         """One parameter in the environments, without their labels; nothing else is counted."""
         variances = covariance.diagonal()
+        # An angle has no size of its own: its spread is relative to 1 rad.
+        own_size = 1.0 if parameter.unit == "rad" else value
         return SizesByEnvironment(
             self.partition.name,
             place,
@@ -173,7 +175,7 @@ class _SplitEffect:
             estimates,
             np.sqrt(variances),
             _cochran(estimates, covariance, len(self.grams.rows)),
-            _spread(estimates, variances, _own_size(value, parameter)),
+            _spread(estimates, variances, own_size),
         )
 
     def _covariance(self, projected: Array, information: Array) -> Array:
@@ -212,11 +214,6 @@ def _split(
     columns = [common[:, :-1], regression.whiten(split), common[:, -1]]
     grams = regression.compute_grams(np.column_stack(columns))
     return _SplitEffect(partition, grams, common.shape[1] - 1, jacobian.shape[1])
-
-
-def _own_size(value: float, parameter: Parameter) -> float:
-    """What the spread of a parameter is relative to: its value, or 1 rad for an angle."""
-    return 1.0 if parameter.unit == "rad" else value
 
 
 def _is_within(values: Array, parameter: Parameter) -> bool:

@@ -107,7 +107,11 @@ def drop_refuted(findings: Findings) -> Findings:
         if findings.share_of_excess >= LEAST_OF_EXCESS:
             return findings
         without = [trial.without for trial in trials]
-        return _refute_all(findings, fitted, without, _describe_excess(findings))
+        why = (
+            f"it explains {100 * findings.share_of_excess:.0f} % of the residual beyond the sensor "
+            f"noise; a cause explains at least {100 * LEAST_OF_EXCESS:.0f} %"
+        )
+        return _refute_all(findings, fitted, without, why)
     candidate = model.candidates[worst.place]
     refuted = RefutedCause.of(
         candidate, worst.place, fitted, worst.without, reason.text, worst.sizes
@@ -290,7 +294,11 @@ def _find_reasons(
         yield _Reason(refuting.spread, _describe_sizes(model.candidates[place], refuting))
     growth = find_growth(regression, model, place, without)
     if growth is not None:
-        yield _Reason(DECISIVE, _describe_growth(growth))
+        text = (
+            f"a speed error that grows with a time constant of {growth:.0f} s explains as much, "
+            "and so would all wheel radii growing as the wheels warm up"
+        )
+        yield _Reason(DECISIVE, text)
     pairs = zip(model.candidates[place].free_parameters, model.values[place], strict=True)
     for parameter, value in pairs:
         if parameter.is_at_bound(value):
@@ -299,24 +307,10 @@ def _find_reasons(
             yield _Reason(DECISIVE, text)
 
 
-def _describe_excess(findings: Findings) -> str:
-    return (
-        f"it explains {100 * findings.share_of_excess:.0f} % of the residual beyond the sensor "
-        f"noise; a cause explains at least {100 * LEAST_OF_EXCESS:.0f} %"
-    )
-
-
 def _describe_left(share: float) -> str:
     return (
         f"with it {100 * share:.0f} % of the error that the rows of a block share remains; a "
         f"true cause leaves at most {100 * MOST_LEFT:.0f} %"
-    )
-
-
-def _describe_growth(time_s: float) -> str:
-    return (
-        f"a speed error that grows with a time constant of {time_s:.0f} s explains as much, and "
-        "so would all wheel radii growing as the wheels warm up"
     )
 
 

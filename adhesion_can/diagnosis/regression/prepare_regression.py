@@ -151,7 +151,7 @@ def _weight_rows(
     """Row weights from the wheel speed's noise, and the design matrix of vehicle speed errors."""
     data = regression.data
     evaluation = evaluate_model(data, model.curves)
-    slope = _compute_curve_slope(data, model, evaluation)
+    slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     flat = regression.used & (np.abs(slope) < FLAT_SLOPE)
     if flat.sum() < LEAST_FLAT * regression.used.sum():
         flat = regression.used
@@ -240,11 +240,6 @@ def design_speed_errors(
     return np.asarray(hats * sensitivity[:, None])
 
 
-def _compute_curve_slope(data: RegressionData, model: Model, evaluation: EvaluatedModel) -> Array:
-    """Slope dμ/dλ of the plain curve in each row, shape (n,)."""
-    return model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
-
-
 def _saturated_residual(
     regression: WhitenedRegression, model: Model, candidates: tuple[Candidate, ...]
 ) -> Array:
@@ -282,7 +277,7 @@ def _estimate_slip_correction(
     """
     data = regression.data
     evaluation = evaluate_model(data, model.curves)
-    slope = _compute_curve_slope(data, model, evaluation)
+    slope = model.curves.slope(evaluation.slip, data.surface, evaluation.conditions)
     # A surface that is held out whole had no part in the saturated model, which is arbitrary there.
     known = np.isin(data.surface, data.surface[regression.used])
     residual = np.where(known, residual, evaluation.residual)

@@ -16,7 +16,7 @@ MakeBaseline = Callable[[EvolutionSettings, IdentifiabilitySettings], Estimator]
 
 
 def _imported_when_called(module: str, factory: str) -> MakeBaseline:
-    """Factory in a module of this folder, imported when it is called: few commands need one."""
+    """Class or function of a module of this folder, imported when called: few commands need one."""
 
     def make(evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> Estimator:
         found: MakeBaseline = getattr(import_module(f"{__name__}.{module}"), factory)
@@ -29,9 +29,9 @@ BASELINES: Mapping[str, MakeBaseline] = {
     "de": _imported_when_called("block_fit", "evolution_estimator"),
     "scipy-de": _imported_when_called("block_fit", "scipy_evolution_estimator"),
     "least-squares": _imported_when_called("block_fit", "least_squares_estimator"),
-    "rls": _imported_when_called("recursive_least_squares", "rls_estimator"),
-    "ekf": _imported_when_called("extended_kalman", "ekf_estimator"),
+    "rls": _imported_when_called("recursive_least_squares", "RlsEstimator"),
+    "ekf": _imported_when_called("extended_kalman", "EkfEstimator"),
     "bank": _imported_when_called("model_bank", "bank_estimator"),
-    "window": _imported_when_called("growing_window", "window_estimator"),
-    "gradient": _imported_when_called("robust_gradient", "gradient_estimator"),
+    "window": _imported_when_called("growing_window", "WindowEstimator"),
+    "gradient": _imported_when_called("robust_gradient", "GradientEstimator"),
 }

@@ -63,17 +63,17 @@ class EkfEstimator(LogParameterEstimator):
     """Extended Kalman filter as an estimator.
 
     Args:
-        settings: Tuning of the filter.
         evolution: Settings with the range of (c1, c2, c3).
         identifiability: Limits from which the peak counts as identifiable, and range of slip.
+        settings: Tuning of the filter.
 
     """
 
     def __init__(
         self,
-        settings: EkfSettings | None = None,
         evolution: EvolutionSettings | None = None,
         identifiability: IdentifiabilitySettings | None = None,
+        settings: EkfSettings | None = None,
     ) -> None:
         self._settings = settings = settings or EkfSettings()
         memory = settings.noise_memory
@@ -128,8 +128,3 @@ class EkfEstimator(LogParameterEstimator):
         share = 1.0 / min(self._since_reset + 20.0, settings.noise_memory)
         self._noise_var = max(self._noise_var * (1.0 + share * (squared - 1.0)), 1e-10)
         return False
-
-
-def ekf_estimator(evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> EkfEstimator:
-    """EkfEstimator with the default tuning."""
-    return EkfEstimator(None, evolution, limits)

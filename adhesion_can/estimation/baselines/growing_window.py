@@ -63,17 +63,17 @@ class WindowEstimator:
     `latest` samples.
 
     Args:
-        settings: Settings of the window and of its reset.
         evolution: Settings with the block length and the search range.
         identifiability: Limits from which the peak counts as identifiable, and range of slip.
+        settings: Settings of the window and of its reset.
 
     """
 
     def __init__(
         self,
-        settings: WindowSettings | None = None,
         evolution: EvolutionSettings | None = None,
         identifiability: IdentifiabilitySettings | None = None,
+        settings: WindowSettings | None = None,
     ) -> None:
         self._evolution = evolution or EvolutionSettings()
         self._identifiability = identifiability or IdentifiabilitySettings()
@@ -92,7 +92,8 @@ class WindowEstimator:
             changed = self._reset_where_changed()
             if not len(self._window):
                 self._since_us = int(self._pending.t_us[0])
-            if self._is_due():
+            growth = min(self._settings.share * len(self._window), self._evolution.block)
+            if len(self._pending) >= max(growth, self._settings.latest):
                 self._fit()
         if self._current is not None:
             self._current = replace(
@@ -137,10 +138,6 @@ class WindowEstimator:
         limit = max(scipy.special.chdtri(n, settings.false_alarm) / n, settings.ratio**2)
         return bool(squares.mean() > limit)
 
-    def _is_due(self) -> bool:
-        growth = min(self._settings.share * len(self._window), self._evolution.block)
-        return len(self._pending) >= max(growth, self._settings.latest)
-
     def _fit(self) -> None:
         last = self._current if len(self._window) else None
         joined = Samples.concatenate([self._window, self._pending])
@@ -157,10 +154,3 @@ def _most_likely_change(squares: Array, after: float) -> int:
     """
     gain = squares * (1.0 - 1.0 / after) - np.log(after)
     return int(np.argmax(np.cumsum(gain[::-1])[::-1]))
-
-
-def window_estimator(
-    evolution: EvolutionSettings, limits: IdentifiabilitySettings
-) -> WindowEstimator:
-    """WindowEstimator with the default tuning."""
-    return WindowEstimator(None, evolution, limits)

@@ -66,17 +66,17 @@ class RlsEstimator:
     forgetting). Its information is `noise_std`²/`prior_std`² of a sample, negligible beside data.
 
     Args:
-        settings: Forgetting and prior.
         evolution: Settings with the range of (c1, c2, c3).
         identifiability: Limits from which the peak counts as identifiable, and range of slip.
+        settings: Forgetting and prior.
 
     """
 
     def __init__(
         self,
-        settings: RlsSettings | None = None,
         evolution: EvolutionSettings | None = None,
         identifiability: IdentifiabilitySettings | None = None,
+        settings: RlsSettings | None = None,
     ) -> None:
         self._settings = settings = settings or RlsSettings()
         self._range = evolution or EvolutionSettings()
@@ -192,8 +192,3 @@ def bounded_minimum(matrix: Array, vector: Array, lower: Array, upper: Array) ->
         x[worst] = min(max(x[worst], lower[worst]), upper[worst])
         free[worst] = False
     return x
-
-
-def rls_estimator(evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> RlsEstimator:
-    """RlsEstimator with the default tuning."""
-    return RlsEstimator(None, evolution, limits)

@@ -76,17 +76,17 @@ class GradientEstimator(LogParameterEstimator):
     """Robust stochastic gradient as an estimator.
 
     Args:
-        settings: Tuning of the method.
         evolution: Settings with the range of (c1, c2, c3).
         identifiability: Limits from which the peak counts as identifiable, and range of slip.
+        settings: Tuning of the method.
 
     """
 
     def __init__(
         self,
-        settings: GradientSettings | None = None,
         evolution: EvolutionSettings | None = None,
         identifiability: IdentifiabilitySettings | None = None,
+        settings: GradientSettings | None = None,
     ) -> None:
         self._settings = settings = settings or GradientSettings()
         memory = settings.memory
@@ -162,10 +162,3 @@ def _mean_bounded_square(limit: float) -> float:
     inside = float(scipy.special.ndtr(limit) - scipy.special.ndtr(-limit))
     density = float(np.exp(-0.5 * limit**2) / np.sqrt(2.0 * np.pi))
     return inside - 2.0 * limit * density + limit**2 * (1.0 - inside)
-
-
-def gradient_estimator(
-    evolution: EvolutionSettings, limits: IdentifiabilitySettings
-) -> GradientEstimator:
-    """GradientEstimator with the default tuning."""
-    return GradientEstimator(None, evolution, limits)

@@ -147,7 +147,7 @@ def compare_families(
     scored = [
         ScoredFit(
             fit=fits[i],
-            held_out_rmse=held_out[i].rmse_by(held_out[best]),
+            held_out_rmse=float(np.sqrt(np.mean(held_out[i].square / held_out[best].variance))),
             log_density=float(densities[i].mean()),
             behind=float(total[i] * scale),
             behind_std=float(error[i] * scale),
@@ -208,10 +208,6 @@ class _HeldOut:
                 sums[1, held] += mean_square_residual(part, fit.family, values)
                 sums[2, held] += effective_variance(part, fit.family, values, noise_var)
         return cls(*(sums / len(plan.folds)))
-
-    def rmse_by(self, best: "_HeldOut") -> float:
-        """RMSE of the residuals in the standard deviations of another fit's noise."""
-        return float(np.sqrt(np.mean(self.square / best.variance)))
 
 
 def _bootstrap_weights(blocks: NDArray[np.float64]) -> Array:

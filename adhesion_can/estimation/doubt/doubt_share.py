@@ -89,7 +89,8 @@ def pool_blocks(
     names = [direction.name for direction in directions]
     rows, series = RowBuilder(directions, axles), BlockSeries(len(names), [names.index(TIME)])
     series.block_s = BLOCK_US * 1e-6
-    theta, noise_std, changes = _with_a_fall(start), 0.0, 0
+    c1, c2, c3 = start
+    theta, noise_std, changes = (c1, c2, max(c3, LEAST_FALL * c1 * c2)), 0.0, 0
     for part in _split_into_blocks(samples, slip_max, noise or NoiseSettings()):
         before, changes = changes, bisect_right(changes_us, int(part.t_us[-1]))
         if changes > before and series.blocks:
@@ -99,11 +100,6 @@ def pool_blocks(
         series.append(BlockSums.from_rows(rows.build(part, theta, noise_std)))
         theta = fit_blocks(series.blocks, theta).theta
         yield series, PooledCurve(theta)
-
-
-def _with_a_fall(theta: CurveParameters) -> CurveParameters:
-    c1, c2, c3 = theta
-    return c1, c2, max(c3, LEAST_FALL * c1 * c2)
 
 
 def _split_into_blocks(

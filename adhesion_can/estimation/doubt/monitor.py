@@ -368,13 +368,6 @@ def _shares_of_change(plain: PeakEstimate, other: PeakEstimate) -> tuple[float, 
     """How far the peak of another fit is, and what it is less certain of, as shares of it."""
     far_mu = (other.mu_max - plain.mu_max) / plain.mu_max
     far_lambda = (other.lambda_m - plain.lambda_m) / plain.lambda_m
-    mu_share, lambda_share = _further_shares(plain, other)
+    mu_share = sqrt(max(other.mu_max_std**2 - plain.mu_max_std**2, 0.0)) / plain.mu_max
+    lambda_share = sqrt(max(other.lambda_m_std**2 - plain.lambda_m_std**2, 0.0)) / plain.lambda_m
     return hypot(far_mu, mu_share), hypot(far_lambda, lambda_share)
-
-
-def _further_shares(plain: PeakEstimate, other: PeakEstimate) -> tuple[float, float]:
-    """What another fit is less certain of μ_max and λ_m, as shares of the plain one's."""
-    return (
-        sqrt(max(other.mu_max_std**2 - plain.mu_max_std**2, 0.0)) / plain.mu_max,
-        sqrt(max(other.lambda_m_std**2 - plain.lambda_m_std**2, 0.0)) / plain.lambda_m,
-    )

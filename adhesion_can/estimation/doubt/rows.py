@@ -121,14 +121,18 @@ class RowBuilder(Stateful):
         slip_var = samples.slip_total_var
         own = noise_std * noise_std + samples.transient_var
         weight = 1.0 / (own + by_adhesion * slip_var)
-        along = (1.0 - decay) * weight
+        # Of the level's expected square, the vehicle speed's error is common to a group.
+        along = (1.0 - decay) * weight * sign
+        private = float(np.sum(along * along * (own + by_adhesion * samples.slip_var)))
+        _, member = np.unique(samples.speed_us, return_inverse=True)
+        common = np.bincount(member, along * slope * np.sqrt(samples.slip_common_var))
         return Rows(
             np.hstack(columns),
             np.hstack(derivatives),
             samples.adhesion - 0.5 * sign * curvature * slip_var,
             weight,
             slip_var,
-            _level_noise(samples, along * sign, along * sign * slope, own, by_adhesion),
+            private + float(common @ common),
             float(weight @ (level * level)),
             present,
         )
@@ -240,22 +244,3 @@ def _rates(samples: Samples, time_s: Array) -> _Rates:
     steps = smooth[:, after] - smooth[:, before]
     rates[:, order[good]] = steps[:, good] / elapsed[good]
     return _Rates(*rates)
-
-
-def _level_noise(
-    samples: Samples, along: Array, along_slip: Array, own: Array, by_adhesion: Array
-) -> float:
-    """Expected square of Σ along · error, with the vehicle speed's error common to a group.
-
-    Args:
-        samples: Samples of a block.
-        along: Weight of each sample's adhesion error, shape (n,).
-        along_slip: Weight of each sample's slip error, shape (n,).
-        own: Variance of each adhesion, shape (n,).
-        by_adhesion: Square of the curve's slope, shape (n,).
-
-    """
-    private = float(np.sum(along * along * (own + by_adhesion * samples.slip_var)))
-    _, member = np.unique(samples.speed_us, return_inverse=True)
-    common = np.bincount(member, along_slip * np.sqrt(samples.slip_common_var))
-    return private + float(common @ common)

@@ -171,14 +171,11 @@ class ExtendedEstimator:
             self._uncertainty.update(sensitivities, base.samples)
         mu_std, lambda_std = map(hypot, self._uncertainty.stds, self._form_std)
         estimate = scale_estimate(base, peaks, mu_std, lambda_std, self._settings)
-        if self._is_shape_known(base.lambda_m):
+        # Far from where the shape was found, the curve may have another one.
+        place, reach = self._shape_place, FARTHEST_PLACE * base.lambda_m
+        if place is None or place <= reach <= FARTHEST_PLACE**2 * place:
             return estimate
         return replace(estimate, identifiable=Identifiable(mu_max=False, lambda_m=False))
-
-    def _is_shape_known(self, lambda_m: float) -> bool:
-        """Whether a base curve with this λ_m has the shape of the model's curve."""
-        place = self._shape_place
-        return place is None or place <= FARTHEST_PLACE * lambda_m <= FARTHEST_PLACE**2 * place
 
     def _sensitivities(
         self, base: Estimate, conditions: LatestConditions, lags: LagStates, at: CurvePeaks

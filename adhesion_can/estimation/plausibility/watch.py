@@ -144,7 +144,11 @@ class PlausibilityWatch(Stateful):
         self._take(samples, estimate)
         if self.jump is not Objection.NONE:
             if self._agreement.add(samples):
-                self._forgive()
+                # The objection is withdrawn, and courses start again.
+                self.jump = Objection.NONE
+                self._speeds.clear()
+                self._steps.clear()
+                self._before.clear()
         else:
             # By the time that a step of the efforts is judged, later curves have learned of it.
             asked = self._asked
@@ -159,13 +163,6 @@ class PlausibilityWatch(Stateful):
         if not self._settings.least_load <= self._load_share <= self._settings.most_load:
             return Objection.LOADS_OFF
         return Objection.NONE
-
-    def _forgive(self) -> None:
-        """Withdraw the objection by a jump; courses start again."""
-        self.jump = Objection.NONE
-        self._speeds.clear()
-        self._steps.clear()
-        self._before.clear()
 
     def _take(self, samples: Samples, estimate: Estimate | None) -> None:
         """Bring the courses to an update."""

@@ -34,14 +34,6 @@ def is_valid(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
     return np.asarray(inside & np.isfinite(further))
 
 
-def is_usable(samples: Samples, slip_max: float) -> NDArray[np.bool_]:
-    """Whether a sample is within the model and not coasting, by itself alone; shape (n,)."""
-    carried = carries_information(
-        samples.slip, samples.adhesion, samples.slip_total_var, samples.adhesion_var
-    )
-    return is_valid(samples, slip_max) & carried
-
-
 def carries_information(
     slip: Array, adhesion: Array, slip_var: Array, adhesion_var: Array
 ) -> NDArray[np.bool_]:
@@ -96,7 +88,10 @@ class CoastingGate(Stateful):
         stated = (samples.slip_var, samples.slip_common_var, samples.adhesion_var)
         if not any(map(np.count_nonzero, stated)):
             return np.ones(len(axle), dtype=np.bool_)
-        self._make_room(max(axle.tolist(), default=-1) + 1)
+        missing = max(axle.tolist(), default=-1) + 1 - len(self._latest_us)
+        if missing > 0:  # room for new axles, which have no means
+            self._latest_us = np.concatenate([self._latest_us, np.full(missing, NEVER_US)])
+            self._means = np.concatenate([self._means, np.zeros((2, missing))], axis=1)
         before_us = self._latest_us.copy()
         self._latest_us[axle] = samples.t_us
         age_s = (self._latest_us - before_us) * 1e-6
@@ -122,13 +117,6 @@ class CoastingGate(Stateful):
         sums = np.bincount(place, values.ravel(), 2 * axles).reshape(2, axles)
         gain = np.where(count > 0, gain, 0.0)
         self._means += gain * (sums / np.maximum(count, 1) - self._means)
-
-    def _make_room(self, axles: int) -> None:
-        """Make room for as many axles, those that are new without means."""
-        missing = axles - len(self._latest_us)
-        if missing > 0:
-            self._latest_us = np.concatenate([self._latest_us, np.full(missing, NEVER_US)])
-            self._means = np.concatenate([self._means, np.zeros((2, missing))], axis=1)
 
 
 def build_points(samples: Samples, *, errors_in_variables: bool = True) -> Points:

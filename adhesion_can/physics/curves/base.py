@@ -54,22 +54,18 @@ class CurveFamily(Protocol):
     @property
     def name(self) -> str:
         """Fixed name in options, reports and model files."""
-        ...
 
     @property
     def title(self) -> str:
         """Name in sentences and figures."""
-        ...
 
     @property
     def literature(self) -> str:
         """Reference."""
-        ...
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The numbers of the family; their bounds are those of a fit."""
-        ...
 
     @property
     def prior_weight(self) -> float:
@@ -77,7 +73,6 @@ class CurveFamily(Protocol):
 
         A family that is weighed online has a prior for each parameter.
         """
-        ...
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient μ(λ), odd in the slip.
@@ -88,7 +83,6 @@ class CurveFamily(Protocol):
             conditions: Speed and load; they broadcast against the slip.
 
         """
-        ...
 
     def gradient(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Partial derivatives of the adhesion by the values, shape (k, ...).
@@ -99,7 +93,6 @@ class CurveFamily(Protocol):
             conditions: Speed and load; they broadcast against the slip.
 
         """
-        ...
 
     def slope(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Slope dμ/dλ at constant speed and load, even in the slip.
@@ -110,7 +103,6 @@ class CurveFamily(Protocol):
             conditions: Speed and load; they broadcast against the slip.
 
         """
-        ...
 
     def peak(self, values: Values, conditions: Conditions, slip_max: float = SLIP_MAX) -> Peak:
         """Peak of the curve within a range of slip, of the shape of the conditions.
@@ -121,7 +113,6 @@ class CurveFamily(Protocol):
             slip_max: End of the valid range, slip ratio.
 
         """
-        ...
 
     def starts(
         self, slip: Array, adhesion: Array, conditions: Conditions
@@ -134,7 +125,6 @@ class CurveFamily(Protocol):
             conditions: Speed and load of the points.
 
         """
-        ...
 
 
 def bounds(family: CurveFamily) -> tuple[Array, Array]:

@@ -31,9 +31,7 @@ class Burckhardt:
 
     def adhesion(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Adhesion coefficient."""
-        c1, c2, c3 = values
-        like = 0.0 * np.asarray(conditions.speed)
-        return np.asarray(adhesion(slip, c1, c2, c3) + like)
+        return np.asarray(adhesion(slip, *values) + 0.0 * np.asarray(conditions.speed))
 
     def gradient(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Partial derivatives by c1, c2, c3."""
@@ -46,15 +44,12 @@ class Burckhardt:
 
     def slope(self, slip: ArrayLike, values: Values, conditions: Conditions) -> Array:
         """Slope over slip."""
-        c1, c2, c3 = values
-        like = 0.0 * np.asarray(conditions.speed)
-        return np.asarray(adhesion_slope(slip, c1, c2, c3) + like)
+        return np.asarray(adhesion_slope(slip, *values) + 0.0 * np.asarray(conditions.speed))
 
     def peak(self, values: Values, conditions: Conditions, slip_max: float = SLIP_MAX) -> Peak:
         """Peak in closed form (eq. 6)."""
         c1, c2, c3 = values
-        like = 0.0 * np.asarray(conditions.speed)
-        return peak(np.asarray(c1) + like, c2, c3, slip_max)
+        return peak(np.asarray(c1) + 0.0 * np.asarray(conditions.speed), c2, c3, slip_max)
 
     def starts(
         self, slip: Array, adhesion: Array, conditions: Conditions

@@ -147,37 +147,30 @@ class EffectDefinition(Protocol):
     @property
     def id(self) -> str:
         """Fixed name in reports, model files and `--effect`."""
-        ...
 
     @property
     def form(self) -> str:
         """Name of the form, where a mechanism has several; else ''."""
-        ...
 
     @property
     def title(self) -> str:
         """What happens, a clause that follows 'because'."""
-        ...
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The numbers of the effect. The first one is its size: nothing changes where it is 0."""
-        ...
 
     @property
     def literature(self) -> str:
         """Reference."""
-        ...
 
     @property
     def requires(self) -> Requirements:
         """Data without which the effect cannot be identified."""
-        ...
 
     @property
     def observability(self) -> Observability:
         """How the effect shows in data, and what separates it from others."""
-        ...
 
 
 @runtime_checkable
@@ -193,7 +186,6 @@ class ContactEffect(EffectDefinition, Protocol):
             lags: Lagging states, carried from call to call; fresh for a whole drive.
 
         """
-        ...
 
 
 @runtime_checkable
@@ -208,7 +200,6 @@ class InstrumentEffect(EffectDefinition, Protocol):
             values: Values of `parameters`, in their order.
 
         """
-        ...
 
 
 Effect = ContactEffect | InstrumentEffect

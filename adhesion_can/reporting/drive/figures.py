@@ -270,7 +270,8 @@ def _curve_figure(
         )
         if rows.any()
     ]  # fmt: skip
-    true = _true_surface(surface, truth)
+    end_s = surface.to_us / 1e6
+    true = next((one for one in truth if one["from_s"] < end_s <= one["to_s"] + 0.1), None)
     if out.theta is not None:
         style = {"color": BLUE, "width": 2.4}
         data.append(line("last curve sent", grid, adhesion(grid, *out.theta), style))
@@ -301,11 +302,3 @@ def _span(values: Array, peak: float | None) -> list[float]:
     low, high = np.quantile(known, (0.005, 0.995))
     top = max(float(high), peak or 0.0)
     return [min(float(low), 0.0) - 0.04 * top, 1.12 * top]
-
-
-def _true_surface(
-    surface: SurfaceSpan, truth: Sequence[Mapping[str, Any]]
-) -> Mapping[str, Any] | None:
-    """True surface on which the end of a surface lies."""
-    end_s = surface.to_us / 1e6
-    return next((one for one in truth if one["from_s"] < end_s <= one["to_s"] + 0.1), None)

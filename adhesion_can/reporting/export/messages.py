@@ -110,7 +110,8 @@ def _field(message: Message, name: str, column: SignalColumn) -> Field:
     raw = None
     # A name that stands twice in a message may have two scales.
     if sum(s.name == name for s in message.signals) == 1:
-        lowest, highest = _raw_range(signal)
+        lowest = -(1 << (signal.length - 1)) if signal.is_signed else 0
+        highest = lowest + (1 << signal.length) - 1
         if dtype.kind in "iu":
             scale, offset = int(signal.scale), int(signal.offset)
             dtype = _smallest(lowest * scale + offset, highest * scale + offset)
@@ -129,11 +130,6 @@ def _field(message: Message, name: str, column: SignalColumn) -> Field:
         optional=column.present is not None,
         raw=raw,
     )
-
-
-def _raw_range(signal: Signal) -> tuple[int, int]:
-    lowest = -(1 << (signal.length - 1)) if signal.is_signed else 0
-    return lowest, lowest + (1 << signal.length) - 1
 
 
 def _smallest(first: int, last: int) -> np.dtype[np.int64]:

@@ -195,18 +195,13 @@ def _header(snapshot: Snapshot, width: int, title: str) -> Text:
     name = transport.name
     if cell_len(name) > room:
         # The end of a path tells more than its begin.
-        name = f"..{_end(name, room - 2)}" if room > 4 else ""
+        while room > 4 and cell_len(name) > room - 2:
+            name = name[1:]
+        name = f"..{name}" if room > 4 else ""
     left = f"{title}  {name}" if name else title
     between = " " * max(width - cell_len(left) - len(right), 2)
     text = Text(left + between + right, "bold reverse")
     return text if text.cell_len <= width else Text(right[-width:], "bold reverse")
-
-
-def _end(text: str, width: int) -> str:
-    """End of a text that fills a number of cells at most."""
-    while cell_len(text) > width:
-        text = text[1:]
-    return text
 
 
 def _state_of(snapshot: Snapshot, transport: Transport) -> list[str]:
