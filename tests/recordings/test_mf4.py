@@ -520,6 +520,7 @@ def test_a_foreign_file_is_one_error(tmp_path, content):
     assert error.startswith(f"{path}: ")
 
 
+@pytest.mark.usefixtures("copied")
 def test_without_asammdf_the_extra_is_named(tmp_path, monkeypatch):
     path = logged(tmp_path / "a.mf4", group(3))
     monkeypatch.setitem(sys.modules, "asammdf", None)
@@ -527,6 +528,7 @@ def test_without_asammdf_the_extra_is_named(tmp_path, monkeypatch):
         list(Recording(path).blocks())
 
 
+@pytest.mark.usefixtures("copied")
 def test_the_position_follows_the_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(recordings, "_ROWS", 100)
     recording = Recording(logged(tmp_path / "a.mf4", group(1000), group(500, seed=2)))

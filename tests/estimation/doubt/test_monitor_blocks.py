@@ -6,8 +6,13 @@ from math import inf
 import numpy as np
 import pytest
 
+from adhesion_can.estimation.doubt.blocks import CURVE, fit_blocks
+from adhesion_can.estimation.doubt.directions import TIME, build_directions
+from adhesion_can.estimation.doubt.lasting_errors import estimate_lasting_errors
 from adhesion_can.estimation.doubt.monitor import DoubtMonitor
+from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
+from adhesion_can.estimation.doubt.surface_changes import _is_time
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
@@ -143,6 +148,26 @@ def test_errors_that_last_are_those_of_the_time_before_a_change_that_may_be_one(
         seen.append(found.assessment.lasting.inflation)
     assert max(seen) < 4.0
     assert before < 4.0
+
+
+def test_two_blocks_before_a_possible_change_count_as_little_as_those_after_it():
+    """With fewer than six blocks before them, what was known of the errors holds."""
+    found = monitor()
+    feed(found, make_samples(np.random.default_rng(5), 20.0))
+    series, before, at = found._series, found.assessment.lasting, PooledCurve(THETA)
+    series.candidates = [7]
+    assert found._lasting_errors(series.reduced(at), at) is before
+    series.candidates = [8]
+    six = series.reduced(fit_blocks(series.blocks[:6], THETA))
+    assert found._lasting_errors(series.reduced(at), at) == estimate_lasting_errors(six, 6)
+
+
+@pytest.mark.parametrize("axles", [1, 4])
+def test_a_change_may_look_like_the_time_alone(axles):
+    directions = build_directions(axles)
+    place = CURVE + [direction.name for direction in directions].index(TIME)
+    size = CURVE + len(directions)
+    assert [k for k in range(size) if _is_time(k, directions)] == [place]
 
 
 def test_a_change_is_confirmed_and_the_new_curve_takes_its_place():

@@ -72,6 +72,20 @@ def test_nothing_is_selected_where_nothing_is_hidden() -> None:
         assert select_directions(blocks, DIRECTIONS, DoubtSettings()).doubt is Doubt.NONE
 
 
+def test_what_the_curve_explains_is_not_tested() -> None:
+    """A direction along a tangent leaves nothing of itself, one that is 0 has nothing to leave."""
+    blocks = reduced(20.0, 0.5, seed=1)
+    along, nothing = CURVE + NAMES.index(LOAD), CURVE + NAMES.index(SPEED_SCALE)
+    grams, scores = blocks.grams.copy(), blocks.scores.copy()
+    grams[:, along], scores[:, along] = 2.0 * grams[:, 0], 2.0 * scores[:, 0]
+    grams[:, :, along] = 2.0 * grams[:, :, 0]
+    grams[:, nothing], grams[:, :, nothing], scores[:, nothing] = 0.0, 0.0, 0.0
+    found = compute_score_tests(replace(blocks, grams=grams, scores=scores), BASE)
+    for k in (*BASE, along, nothing):
+        assert (found.p_value[k], found.t[k], found.information[k]) == (1.0, 0.0, 1.0)
+    assert found.p_value[CURVE + NAMES.index(EFFORT_BIAS)] < 1.0
+
+
 def test_what_is_smaller_than_the_least_size_is_left() -> None:
     blocks = reduced(60.0, 0.5, seed=1, load_exponent=0.4)
     coarse = DoubtSettings(least_size=0.5)
