@@ -68,7 +68,7 @@ def test_with_a_speed_by_satellites_the_drive_has_it_and_slips_are_known_at_once
 
 def test_the_observed_speed_states_what_satellites_may_be_off_by(tmp_path, capsys):
     config = write_gnss_configuration(tmp_path)
-    config.write_text(config.read_text().replace("enabled = true", "gnss_std = 0"))
+    config.write_text(config.read_text().replace("gnss_std = 0.03", "gnss_std = 0"))
     assert main(["replay", "x.log", "--config", str(config)]) == 2
     assert "observed_speed.gnss_std" in capsys.readouterr().err
 
