@@ -340,7 +340,10 @@ class Configuration:
             # What is observed wanders by as much as it may be off while the slips are known.
             lasting = self.estimators.observed_speed.settings.slip_std
             error = max(settings.instruments.speed_error_std, lasting)
-            instruments = replace(settings.instruments, speed_error_std=error)
+            wander = max(settings.instruments.speed_wander_std, lasting)
+            instruments = replace(
+                settings.instruments, speed_error_std=error, speed_wander_std=wander
+            )
             settings = replace(settings, instruments=instruments)
         estimator = (
             make_default(settings, self.vehicle.axles) if make is make_default else make(settings)

@@ -32,7 +32,7 @@ class RelievingSettings:
 
     """
 
-    share: float = 0.75
+    share: float = 0.65
     rise_s: float = 2.0
     excursion_each_s: float = 4.0
     excursion_s: float = 2.0

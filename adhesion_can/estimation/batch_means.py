@@ -23,9 +23,9 @@ def batch_inflation(score: Array, noise: Array) -> float:
 
     """
     inflation = 1.0
-    while len(score) >= FEWEST:
+    while len(score) >= FEWEST and noise.sum() > 0.0:
         few = len(score) / (len(score) - FITTED)
-        inflation = max(inflation, float(score @ score) / max(float(noise.sum()), 1e-300) * few)
+        inflation = max(inflation, float(score @ score) / float(noise.sum()) * few)
         pairs = len(score) // 2 * 2
         score = score[0:pairs:2] + score[1:pairs:2]
         noise = noise[0:pairs:2] + noise[1:pairs:2]

@@ -1,6 +1,7 @@
 """The service with a vehicle speed that wheels and efforts show, and without the switch for it."""
 
 from functools import partial
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.observed_speed.estimator import ObservedSpeedEstimator
+from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.status import Status
@@ -128,6 +130,33 @@ def test_behind_reliefs_the_slips_are_known_and_right(played, drive):
         errors.append((part.slip - true)[near & (part.adhesion > 0.05)])
     assert np.sqrt(np.mean(np.concatenate(errors) ** 2)) < 0.002
     assert core.counts.samples == sum(map(len, samples))
+
+
+def served(config, name, seed):
+    """Setpoints from 12 s on of a drive of a minute with reliefs and excursions."""
+    settings = build_run_settings(name, 60.0, seed, (), CONFIG)
+    frames = chain(*drive_with_reliefs(make_simulation(settings, CONFIG, no_radar=True)))
+    found = []
+    core = ServiceCore(config, on_setpoint=lambda *one: found.append(one))
+    replay_blocks([Block.from_frames(list(frames))], core, lambda _: None)
+    return [outputs for t_us, outputs in found if t_us >= 12e6]
+
+
+@pytest.mark.slow
+def test_with_reliefs_and_excursions_the_peak_is_known_half_of_the_time(observing):
+    """In the mean of six drives, and where it is known it is right."""
+    shares = []
+    for name, theta in {"wet": (0.27, 45.0, 0.22), "dry": (0.4, 60.0, 0.3)}.items():
+        mu_max, lambda_m = float(peak(*theta).mu_max), float(peak(*theta).lambda_m)
+        for seed in (1, 2, 3):
+            late = served(observing, name, seed)
+            known = [one for one in late if one.status is Status.TRACKING]
+            for one in known:
+                off = one.setpoint.mu_max - mu_max, one.setpoint.lambda_m - lambda_m
+                assert abs(off[0]) < max(3 * one.mu_max_std, 0.02 * mu_max)
+                assert abs(off[1]) < max(3 * one.lambda_m_std, 0.05 * lambda_m)
+            shares.append(len(known) / len(late))
+    assert np.mean(shares) > 0.5
 
 
 def test_the_speed_in_the_outputs_is_the_observed_one(played):

@@ -10,6 +10,7 @@ concerns the directions alone, which the next surface shares.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,6 +36,24 @@ CANDIDATES = 4
 """Largest number of changes that wait to be confirmed."""
 
 
+class SharedError(NamedTuple):
+    """Error that all rows of a block share, independent from block to block.
+
+    Attributes:
+        place: Index of its column.
+        variance: Variance of its coefficient.
+
+    """
+
+    place: int
+    variance: float
+
+    def level_square(self, rows: Rows) -> float:
+        """Expected square of the score along the level of the curve, by this error alone."""
+        along = rows.weight * rows.level @ rows.columns[:, self.place]
+        return self.variance * float(along) ** 2
+
+
 @dataclass(frozen=True, slots=True)
 class BlockSums(Value):
     """Sums over some seconds of a drive.
@@ -57,14 +76,38 @@ class BlockSums(Value):
     binned: BinnedSamples = EMPTY
 
     @classmethod
-    def from_rows(cls, rows: Rows, binned: BinnedSamples = EMPTY) -> "BlockSums":
-        """Sums of rows, with corrected scores for the errors of the slips."""
+    def from_rows(
+        cls, rows: Rows, binned: BinnedSamples = EMPTY, error: SharedError | None = None
+    ) -> "BlockSums":
+        """Sums of rows, with corrected scores for the errors of the slips.
+
+        With a shared error they are those of generalised least squares: the inverse of W⁻¹ + σ²ggᵀ
+        takes the place of the weights W (Sherman & Morrison), so that rows tell as much less as
+        they depend on that error.
+
+        Args:
+            rows: Rows of the block.
+            binned: Their samples in bins, without the shared error.
+            error: Error that all rows share.
+
+        """
         weighted = rows.columns * rows.weight[:, None]
         diluted = rows.slopes * (rows.weight * rows.slip_var)[:, None]
         dilution = diluted.T @ rows.slopes
         gram = weighted.T @ rows.columns - dilution
-        score = weighted.T @ rows.response
-        return cls(gram, dilution, score, rows.level_noise, rows.curve_square, binned)
+        score, noise = weighted.T @ rows.response, rows.level_noise
+        if error is not None:
+            k, level = error.place, rows.weight * rows.level
+            total = max(gram[k, k], 0.0) + 1.0 / error.variance
+            share = gram[:, k] / total
+            gram = gram - np.outer(share, gram[:, k])
+            score = score - share * score[k]
+            # A column keeps what errors of its slips add, less its share in the error's column.
+            crossed = np.outer(share, dilution[k])
+            dilution = dilution - crossed - crossed.T + dilution[k, k] * np.outer(share, share)
+            along, square = float(level @ rows.columns[:, k]), float(level @ rows.level)
+            noise *= max(1.0 - along * along / (total * square), 0.0)
+        return cls(gram, dilution, score, noise, rows.curve_square, binned)
 
     def joined(self, other: "BlockSums") -> "BlockSums":
         """Both blocks as one."""

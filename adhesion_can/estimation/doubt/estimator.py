@@ -73,7 +73,7 @@ class DoubtingTracker(Stateful):
             return None
         fresh = len(samples) > 0 and self._monitor.add(samples, inner)
         if fresh:
-            self._tracker.variance_inflation = self._monitor.assessment.lasting.beyond_chance
+            self._tracker.variance_inflation = self._monitor.inflation
         if fresh or inner is not self._inner:
             self._inner, self._current = inner, self._judged(inner, samples)
         return self._current
@@ -162,6 +162,7 @@ class DoubtingTracker(Stateful):
             # Samples near the peak tell its height, whatever the shape, but not its place.
             lambda_share = self._settings.first_lambda_m_std
         lambda_share = max(lambda_share, self._monitor.slip_error(estimate.lambda_m))
+        mu_share = max(mu_share, self._monitor.level_error(estimate.mu_max))
         # What the full model explains, its distance from the estimate stands for.
         remaining = assessment.remaining
         inflation = remaining.beyond_chance

@@ -80,7 +80,7 @@ def slip_inflation(blocks: ReducedBlocks, scale: int) -> float:
     total = float(information.sum())
     if not total > 0.0:
         return 1.0
-    # What errors of the slips add counts as noise here.
-    noise = information * (1.0 + float(blocks.dilution[scale, scale]) / total)
+    # What errors of the slips add counts as noise here. By them a block may show less than nothing.
+    noise = np.maximum(information, 0.0) * (1.0 + float(blocks.dilution[scale, scale]) / total)
     inflation = batch_inflation(blocks.scores[current, scale], noise)
     return inflation if inflation > LASTING else 1.0

@@ -52,6 +52,7 @@ class Rows(NamedTuple):
         response: Measured adhesion, corrected for the curve's bend within the slip's error, (n,).
         weight: Inverse variances of the response, shape (n,).
         slip_var: Variances of the slip ratio, shape (n,).
+        level: Derivatives of the curve by its level c1, shape (n,).
         level_noise: Expected square of the weighted sum of errors along the level of the curve.
         curve_square: Weighted sum of squares of the curve.
         present: Value that multiplies the curve under the present conditions, by direction.
@@ -63,6 +64,7 @@ class Rows(NamedTuple):
     response: Array
     weight: Array
     slip_var: Array
+    level: Array
     level_noise: float
     curve_square: float
     present: Mapping[str, float]
@@ -122,7 +124,8 @@ class RowBuilder(Stateful):
         own = noise_std * noise_std + samples.transient_var
         weight = 1.0 / (own + by_adhesion * slip_var)
         # Of the level's expected square, the vehicle speed's error is common to a group.
-        along = (1.0 - decay) * weight * sign
+        by_level = (1.0 - decay) * sign
+        along = weight * by_level
         private = float(np.sum(along * along * (own + by_adhesion * samples.slip_var)))
         _, member = np.unique(samples.speed_us, return_inverse=True)
         common = np.bincount(member, along * slope * np.sqrt(samples.slip_common_var))
@@ -132,6 +135,7 @@ class RowBuilder(Stateful):
             samples.adhesion - 0.5 * sign * curvature * slip_var,
             weight,
             slip_var,
+            by_level,
             private + float(common @ common),
             float(weight @ (level * level)),
             present,

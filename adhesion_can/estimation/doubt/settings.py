@@ -56,11 +56,14 @@ class InstrumentUncertainty(Value):
             mean static axle load (1000 N of 245 kN). The torque that an inverter computes from flux
             and current is off by about 1 % of its rated one, and a drive is rated for some 0.4 of
             its load at the rim.
+        speed_wander_std: Relative standard deviation of an error of the vehicle speed that lasts
+            for some 5 s and changes then, 1; 0: none. That of an observed speed is 0.002 or more.
 
     """
 
     speed_error_std: Annotated[float, Within(0, 1)] = 0.003
     effort_bias_std: Annotated[float | None, Within(0, 1e6)] = None
+    speed_wander_std: Annotated[float, Within(0, 1)] = 0.0
 
     def __post_init__(self) -> None:
         require_ranges(self)

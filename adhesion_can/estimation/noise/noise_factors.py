@@ -60,15 +60,12 @@ STATED = NoiseFactors()
 """Factors that leave the stated variances as they are."""
 
 
-def combine_blocks(
-    blocks: Iterable[BlockNoise], settings: NoiseSettings, *, block_s: float = BLOCK_US * 1e-6
-) -> NoiseFactors:
+def combine_blocks(blocks: Iterable[BlockNoise], settings: NoiseSettings) -> NoiseFactors:
     """Factors from blocks of samples.
 
     Args:
         blocks: Noise of the blocks.
         settings: Weight of the configuration, and limits of the factors.
-        block_s: Duration of a block, s.
 
     """
     found = list(blocks)
@@ -79,7 +76,8 @@ def combine_blocks(
             return 1.0
         value, freedom = ratios.T
         shown = low_quantile(value, float(freedom.mean())).var
-        seconds = len(ratios) * block_s
+        # A block that lasts longer, where the speed is sent seldom, has no more frames to show.
+        seconds = len(ratios) * BLOCK_US * 1e-6
         weight = seconds / (seconds + settings.prior_s)
         believed = exp(weight * log(max(shown, 1e-12)))
         return min(max(believed, settings.smallest**2), settings.largest**2)

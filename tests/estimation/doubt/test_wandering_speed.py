@@ -1,0 +1,120 @@
+"""Errors of the vehicle speed that last for seconds: generalised least squares, and a drive."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adhesion_can.estimation.doubt.blocks import BlockSums, SharedError
+from adhesion_can.estimation.doubt.directions import SPEED_SCALE
+from adhesion_can.estimation.doubt.estimator import DoubtingTracker
+from adhesion_can.estimation.doubt.rows import RowBuilder
+from adhesion_can.estimation.doubt.settings import InstrumentUncertainty
+from adhesion_can.estimation.doubt.slip_basis import SIZE
+from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.physics.burckhardt import peak
+from adhesion_can.physics.doubt import Doubt
+from tests.estimation.doubt.doubt_helpers import (
+    AXLES,
+    DIRECTIONS,
+    NAMES,
+    NOISE,
+    THETA,
+    in_seconds,
+    make_samples,
+)
+from tests.seeds import first_quick
+
+PLACE = SIZE + NAMES.index(SPEED_SCALE)
+TOP = peak(*THETA, 0.5)
+STD = 0.002
+"""Standard deviation of the error in the drives, relative."""
+
+
+def rows_of(slip_var=0.0):
+    samples = make_samples(np.random.default_rng(1), 2.0, speed_scale=0.004)
+    samples = replace(samples, slip_var=np.full(len(samples), slip_var))
+    return RowBuilder(DIRECTIONS, AXLES).build(samples, THETA, NOISE)
+
+
+@pytest.mark.parametrize("std", [1e-4, 0.002, 0.1])
+def test_the_sums_are_those_of_the_whole_covariance(std):
+    """Of independent errors and of one that all rows share, inverted as a dense matrix."""
+    rows = rows_of()
+    shared = rows.columns[:, PLACE]
+    weights = np.linalg.inv(np.diag(1.0 / rows.weight) + std**2 * np.outer(shared, shared))
+    found = BlockSums.from_rows(rows, error=SharedError(PLACE, std**2))
+    assert found.gram == pytest.approx(rows.columns.T @ weights @ rows.columns, rel=1e-6, abs=1e-3)
+    assert found.score == pytest.approx(rows.columns.T @ weights @ rows.response, rel=1e-6)
+    level = rows.level
+    assert found.level_noise == pytest.approx(level @ weights @ level, rel=1e-6)
+
+
+def test_a_shared_error_without_a_size_changes_nothing():
+    rows = rows_of(1e-6)
+    plain = BlockSums.from_rows(rows)
+    found = BlockSums.from_rows(rows, error=SharedError(PLACE, 1e-16))
+    for name in ("gram", "dilution", "score", "level_noise", "curve_square"):
+        assert getattr(found, name) == pytest.approx(getattr(plain, name), rel=1e-6, abs=1e-3)
+
+
+def test_errors_of_the_slips_dilute_what_is_left_of_a_column():
+    """As a column is projected, so are the errors of its slips; never more than before."""
+    rows = rows_of(1e-6)
+    plain = BlockSums.from_rows(rows)
+    found = BlockSums.from_rows(rows, error=SharedError(PLACE, STD**2))
+    share = plain.gram[:, PLACE] / (plain.gram[PLACE, PLACE] + 1.0 / STD**2)
+    left = np.eye(len(share)) - np.outer(share, np.eye(len(share))[PLACE])
+    assert found.dilution == pytest.approx(left @ plain.dilution @ left.T, rel=1e-6, abs=1e-3)
+    assert np.linalg.eigvalsh(found.dilution).min() > -1e-6 * np.trace(plain.dilution)
+    assert found.dilution[PLACE, PLACE] < plain.dilution[PLACE, PLACE]
+
+
+def test_the_square_along_the_level_is_that_of_the_error_alone():
+    rows, rng = rows_of(), np.random.default_rng(2)
+    drawn = STD * rng.standard_normal(4000)
+    along = rows.weight * rows.level @ rows.columns[:, PLACE]
+    wanted = np.mean((drawn * along) ** 2)
+    assert SharedError(PLACE, STD**2).level_square(rows) == pytest.approx(wanted, rel=0.1)
+
+
+def wandering(seed, seconds=60.0):
+    """A drive whose vehicle speed has another error each 3 to 7 s."""
+    rng = np.random.default_rng(seed)
+    samples = make_samples(rng, seconds)
+    ends = np.cumsum(rng.uniform(3.0, 7.0, round(seconds / 3.0)))
+    errors = STD * rng.standard_normal(len(ends) + 1)
+    own = errors[np.searchsorted(ends, samples.t_us * 1e-6)]
+    return replace(samples, slip=(1.0 + samples.slip) / (1.0 + own) - 1.0)
+
+
+def driven(samples, wander_std):
+    """Estimates of a drive from 20 s on."""
+    instruments = InstrumentUncertainty(speed_wander_std=wander_std)
+    estimator = DoubtingTracker(Tracker(), AXLES, None, instruments)
+    parts = in_seconds(samples, 0.2)
+    return [estimator.update(part, int(part.t_us[-1]) + 1) for part in parts][100:]
+
+
+def is_wrong(one):
+    """Whether an identifiable peak is off by more than 3 standard deviations, 2 % and 5 %."""
+    mu, slip = abs(one.mu_max - TOP.mu_max), abs(one.lambda_m - TOP.lambda_m)
+    return one.identifiable.both and (
+        mu > max(3 * one.mu_max_std, 0.02 * TOP.mu_max)
+        or slip > max(3 * one.lambda_m_std, 0.05 * TOP.lambda_m)
+    )
+
+
+@pytest.mark.parametrize("seed", first_quick(range(20), 3))
+def test_a_stated_wander_is_no_doubt_and_no_change_and_the_peak_is_known_better(seed):
+    """Else the same errors inflate all variances. In 20 drives each of this holds in all."""
+    samples = wandering(seed)
+    found, plain = driven(samples, STD), driven(samples, 0.0)
+    assert len({one.surface_since_us for one in found}) == 1
+    assert np.mean([one.doubt is Doubt.NONE for one in found]) > 0.9
+    assert not any(map(is_wrong, found))
+    ratio = [own.lambda_m_std / other.lambda_m_std for own, other in zip(found, plain, strict=True)]
+    assert np.median(ratio) < 0.6
+    last = found[-1]
+    assert abs(last.mu_max - TOP.mu_max) < 4 * last.mu_max_std
+    assert abs(last.lambda_m - TOP.lambda_m) < 4 * last.lambda_m_std
