@@ -36,7 +36,7 @@ CANDIDATES = 4
 """Largest number of changes that wait to be confirmed."""
 
 
-class SharedError(NamedTuple):
+class BlockError(NamedTuple):
     """Error that all rows of a block share, independent from block to block.
 
     Attributes:
@@ -77,12 +77,12 @@ class BlockSums(Value):
 
     @classmethod
     def from_rows(
-        cls, rows: Rows, binned: BinnedSamples = EMPTY, error: SharedError | None = None
+        cls, rows: Rows, binned: BinnedSamples = EMPTY, error: BlockError | None = None
     ) -> "BlockSums":
         """Sums of rows, with corrected scores for the errors of the slips.
 
         With a shared error they are those of generalised least squares: the inverse of W⁻¹ + σ²ggᵀ
-        takes the place of the weights W (Sherman & Morrison), so that rows tell as much less as
+        takes the place of the weights W (Sherman & Morrison), so that rows count the less, the more
         they depend on that error.
 
         Args:

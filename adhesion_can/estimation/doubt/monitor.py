@@ -17,10 +17,10 @@ from adhesion_can.estimation.doubt.assessment import UNKNOWN, Assessment
 from adhesion_can.estimation.doubt.blocks import (
     CURVE,
     TANGENTS,
+    BlockError,
     BlockSeries,
     BlockSums,
     ReducedBlocks,
-    SharedError,
     fit_blocks,
 )
 from adhesion_can.estimation.doubt.directions import (
@@ -239,7 +239,7 @@ class DoubtMonitor(Stateful):
         self.reached = max(reached, KEPT_REACH * self.reached)
         return dict(rows.present)
 
-    def _wander_of_block(self) -> SharedError | None:
+    def _wander_of_block(self) -> BlockError | None:
         """Error of the vehicle speed in the next block; None where it does not wander.
 
         Errors that last for longer than a block count as more, so that they do in the sum: the mean
@@ -248,7 +248,7 @@ class DoubtMonitor(Stateful):
         if not self._wander_var > 0.0:
             return None
         variance = self._wander_var * max(2.0 * WANDER_S / self._series.block_s, 1.0)
-        return SharedError(SIZE + self._scale - CURVE, variance)
+        return BlockError(SIZE + self._scale - CURVE, variance)
 
     def _confirm_changes(self, theta: CurveParameters) -> CurveParameters:
         """End the surface before a confirmed change; parameters of the current surface's curve."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.doubt.blocks import BlockSums, SharedError
+from adhesion_can.estimation.doubt.blocks import BlockError, BlockSums
 from adhesion_can.estimation.doubt.directions import SPEED_SCALE
 from adhesion_can.estimation.doubt.estimator import DoubtingTracker
 from adhesion_can.estimation.doubt.rows import RowBuilder
@@ -43,7 +43,7 @@ def test_the_sums_are_those_of_the_whole_covariance(std):
     rows = rows_of()
     shared = rows.columns[:, PLACE]
     weights = np.linalg.inv(np.diag(1.0 / rows.weight) + std**2 * np.outer(shared, shared))
-    found = BlockSums.from_rows(rows, error=SharedError(PLACE, std**2))
+    found = BlockSums.from_rows(rows, error=BlockError(PLACE, std**2))
     assert found.gram == pytest.approx(rows.columns.T @ weights @ rows.columns, rel=1e-6, abs=1e-3)
     assert found.score == pytest.approx(rows.columns.T @ weights @ rows.response, rel=1e-6)
     level = rows.level
@@ -53,7 +53,7 @@ def test_the_sums_are_those_of_the_whole_covariance(std):
 def test_a_shared_error_without_a_size_changes_nothing():
     rows = rows_of(1e-6)
     plain = BlockSums.from_rows(rows)
-    found = BlockSums.from_rows(rows, error=SharedError(PLACE, 1e-16))
+    found = BlockSums.from_rows(rows, error=BlockError(PLACE, 1e-16))
     for name in ("gram", "dilution", "score", "level_noise", "curve_square"):
         assert getattr(found, name) == pytest.approx(getattr(plain, name), rel=1e-6, abs=1e-3)
 
@@ -62,7 +62,7 @@ def test_errors_of_the_slips_dilute_what_is_left_of_a_column():
     """As a column is projected, so are the errors of its slips; never more than before."""
     rows = rows_of(1e-6)
     plain = BlockSums.from_rows(rows)
-    found = BlockSums.from_rows(rows, error=SharedError(PLACE, STD**2))
+    found = BlockSums.from_rows(rows, error=BlockError(PLACE, STD**2))
     share = plain.gram[:, PLACE] / (plain.gram[PLACE, PLACE] + 1.0 / STD**2)
     left = np.eye(len(share)) - np.outer(share, np.eye(len(share))[PLACE])
     assert found.dilution == pytest.approx(left @ plain.dilution @ left.T, rel=1e-6, abs=1e-3)
@@ -75,7 +75,7 @@ def test_the_square_along_the_level_is_that_of_the_error_alone():
     drawn = STD * rng.standard_normal(4000)
     along = rows.weight * rows.level @ rows.columns[:, PLACE]
     wanted = np.mean((drawn * along) ** 2)
-    assert SharedError(PLACE, STD**2).level_square(rows) == pytest.approx(wanted, rel=0.1)
+    assert BlockError(PLACE, STD**2).level_square(rows) == pytest.approx(wanted, rel=0.1)
 
 
 def wandering(seed, seconds=60.0):
