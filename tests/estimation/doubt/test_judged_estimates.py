@@ -42,13 +42,17 @@ class Monitor:
 
     def __init__(self, assessment=UNKNOWN, **given):
         self.assessment, self.surface_holds, self.reached = assessment, True, 0.2
-        self.level_std = self.level_scatter = self.slip = 0.0
+        self.level_std = self.level_scatter = self.slip = self.level = 0.0
+        self.inflation = assessment.lasting.beyond_chance
         self.added = []
         for name, value in given.items():
             setattr(self, name, value)
 
     def slip_error(self, _):
         return self.slip
+
+    def level_error(self, _):
+        return self.level
 
     def add(self, samples, inner):
         self.added.append((samples, inner))
@@ -120,6 +124,13 @@ def test_the_larger_one_of_two_errors_of_the_place_counts():
     for slip, share in ((0.05, 0.1), (0.15, 0.15)):
         found = judged(doubt, slip=slip)
         assert found.lambda_m_std == pytest.approx(hypot(LAMBDA_STD, share * LAMBDA))
+
+
+def test_the_larger_one_of_two_errors_of_the_level_counts():
+    doubt = assessed(Doubt.SPEED, full=PeakEstimate(0.33, 0.02, 0.0, 0.0))
+    for level, share in ((0.05, 0.1), (0.15, 0.15)):
+        found = judged(doubt, level=level)
+        assert found.mu_max_std == pytest.approx(hypot(MU_STD, share * MU))
 
 
 @pytest.mark.parametrize(

@@ -96,6 +96,36 @@ def driven(samples, wander_std):
     return [estimator.update(part, int(part.t_us[-1]) + 1) for part in parts][100:]
 
 
+@pytest.fixture(scope="module")
+def monitors():
+    """Monitors of the same drive without and with a stated wander, and their estimate."""
+    found = []
+    for std in (0.0, STD):
+        tracker = DoubtingTracker(
+            Tracker(), AXLES, None, InstrumentUncertainty(speed_wander_std=std)
+        )
+        parts = in_seconds(wandering(1), 0.2)
+        last = [tracker.update(part, int(part.t_us[-1]) + 1) for part in parts][-1]
+        found.append(tracker._monitor)
+    return *found, last
+
+
+def test_the_tracker_is_told_of_what_the_wander_does_to_the_level(monitors):
+    plain, wanders, _ = monitors
+    assert plain.inflation == plain.assessment.lasting.beyond_chance
+    # Blocks alone show less of it than noise does, once it is part of their weights.
+    assert wanders.assessment.lasting.beyond_chance < plain.inflation < wanders.inflation
+
+
+def test_the_error_of_the_level_is_the_distance_from_the_curve_of_all_samples(monitors):
+    plain, wanders, last = monitors
+    assert plain.level_error(last.mu_max) == 0.0
+    peak_of_all = wanders.assessment.plain
+    share = peak_of_all.mu_max_std / peak_of_all.mu_max
+    assert wanders.level_error(peak_of_all.mu_max) == pytest.approx(share)
+    assert wanders.level_error(0.9 * peak_of_all.mu_max) == pytest.approx(1 / 9, rel=0.01)
+
+
 def is_wrong(one):
     """Whether an identifiable peak is off by more than 3 standard deviations, 2 % and 5 %."""
     mu, slip = abs(one.mu_max - TOP.mu_max), abs(one.lambda_m - TOP.lambda_m)
