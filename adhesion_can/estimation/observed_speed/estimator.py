@@ -14,6 +14,9 @@ from adhesion_can.physics.samples import NO_SAMPLES, Samples
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.values import Value
 
+_OF_THE_CURVE = (Doubt.NONE, Doubt.SHAPE)
+"""Doubts with which the axles agree on one curve."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Maker(Value):
@@ -30,8 +33,9 @@ class ObservedSpeedEstimator(ReplacingStage):
     samples of unknown slips are left out, and the estimate stays as it was.
 
     Slips of single axles that are off by their radii look like a peak to a curve that was never
-    tested against the axles. So no peak is identifiable before that, nor where it is at slips that
-    are not much larger than their errors.
+    tested against the axles, and like axles or loads that differ to one that was. So no peak is
+    identifiable before the test, nor with a doubt other than about the curve's shape, nor where it
+    is at slips that are not much larger than their errors.
 
     Args:
         make_inner: Maker of an estimator of the curve.
@@ -105,7 +109,7 @@ class ObservedSpeedEstimator(ReplacingStage):
     def _with_slip_error(self, estimate: Estimate, slip_std: float) -> Estimate:
         """The estimate with the errors of the slips in the standard deviation of λ_m."""
         std = hypot(estimate.lambda_m_std, slip_std)
-        is_tested = estimate.doubt is not Doubt.NOT_AVAILABLE or not self._tests_curve
+        is_tested = estimate.doubt in _OF_THE_CURVE or not self._tests_curve
         if is_tested and std <= self._largest_std * estimate.lambda_m:
             return replace(estimate, lambda_m_std=std)
         unknown = Identifiable(mu_max=False, lambda_m=False)

@@ -137,9 +137,13 @@ def test_the_errors_of_the_slips_are_in_the_standard_deviation_of_their_peak(kno
 
 
 @pytest.mark.parametrize(
-    ("attribute", "value"), [("doubt", Doubt.NOT_AVAILABLE), ("lambda_m", 0.0067)]
+    ("attribute", "value"),
+    [
+        *(("doubt", one) for one in Doubt if one not in (Doubt.NONE, Doubt.SHAPE)),
+        ("lambda_m", 0.0067),
+    ],
 )
-def test_a_peak_is_not_identifiable_if_untested_or_at_slips_like_their_errors(
+def test_a_peak_is_not_identifiable_if_untested_doubted_or_at_slips_like_their_errors(
     known, attribute, value
 ):
     drive = deepcopy(known[0])
@@ -150,6 +154,12 @@ def test_a_peak_is_not_identifiable_if_untested_or_at_slips_like_their_errors(
     assert not estimate.identifiable.lambda_m
     assert np.isinf(estimate.mu_max_std)
     assert np.isinf(estimate.lambda_m_std)
+
+
+def test_a_curve_of_another_shape_may_have_a_known_peak(known):
+    drive = deepcopy(known[0])
+    drive.estimator.inner.doubt = Doubt.SHAPE
+    assert drive.run(0.1).identifiable.both
 
 
 def test_samples_have_the_observed_speed_and_their_slips_are_right(known):
