@@ -9,7 +9,7 @@ merged two by two while enough are left, and what neighbours still share counts 
 autoregression.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -27,6 +27,8 @@ _RIDGE = 1e-9
 def slip_scatter(blocks: ReducedBlocks, curve: PooledCurve) -> float:
     """Standard deviation of λ_m as a share of it; 0 where there are too few blocks.
 
+    It is infinite where errors of the slips are worth more than what a coefficient was seen by.
+
     Args:
         blocks: Blocks at the pooled curve.
         curve: Pooled curve of the current surface.
@@ -37,7 +39,9 @@ def slip_scatter(blocks: ReducedBlocks, curve: PooledCurve) -> float:
         return 0.0
     scores = blocks.scores[current, :TANGENTS]
     information = blocks.grams[current, :TANGENTS, :TANGENTS].sum(axis=0)
-    scale = np.sqrt(np.maximum(information.diagonal(), 1e-300))
+    if not np.all(information.diagonal() > 0.0):
+        return inf
+    scale = np.sqrt(information.diagonal())
     inner = information / scale / scale[:, None] + _RIDGE * np.eye(TANGENTS)
     c1, c2, c3 = curve.theta
     # λ_m = ln(c1 c2/c3)/c2

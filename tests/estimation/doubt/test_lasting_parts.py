@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.batch_means import FEWEST
+from adhesion_can.estimation.batch_means import FEWEST, batch_inflation
 from adhesion_can.estimation.doubt.blocks import ReducedBlocks
 from adhesion_can.estimation.doubt.lasting_errors import (
     LastingErrors,
@@ -72,6 +72,20 @@ def test_few_blocks_and_blocks_without_information_say_nothing():
         idle = replace(blocks, grams=factor * blocks.grams)
         assert estimate_lasting_errors(idle, BLOCKS) is None
         assert slip_inflation(idle, SCALE) == 1.0
+
+
+def test_blocks_that_show_less_than_nothing_inflate_nothing():
+    """Corrected for the errors of the slips, the information of a block may be below 0."""
+    blocks = drawn(0.0, 3)
+    few = replace(
+        blocks, grams=blocks.grams[:13].copy(), scores=0.1 * blocks.scores[:13], current=13
+    )
+    few.grams[:12, SCALE, SCALE] = -1.0
+    assert slip_inflation(few, SCALE) == 1.0
+
+
+def test_without_noise_that_is_expected_nothing_is_inflated():
+    assert batch_inflation(np.ones(40), np.zeros(40)) == 1.0
 
 
 @pytest.mark.parametrize(("inflation", "wanted"), [(3.9, 1.0), (4.0, 1.0), (4.1, 4.1)])

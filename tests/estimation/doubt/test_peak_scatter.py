@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adhesion_can.estimation.doubt.blocks import ReducedBlocks
 from adhesion_can.estimation.doubt.estimator import DoubtingTracker
+from adhesion_can.estimation.doubt.peak_scatter import slip_scatter
+from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 from adhesion_can.estimation.tracker.tracker import Tracker
 from tests.estimation.doubt.doubt_helpers import AXLES, in_seconds, make_samples
 
@@ -59,3 +62,15 @@ def test_without_such_errors_nothing_is_lost():
     held, tracked = coverage(0.0, 10.0, range(2), seconds=60.0)
     assert held == 1.0
     assert tracked >= 0.99
+
+
+@pytest.mark.parametrize("worth", [0.0, -3.0])
+def test_without_information_of_a_coefficient_the_place_is_unknown(worth):
+    """Corrected for the errors of the slips, it may even be below 0."""
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((40, 3, 3))
+    grams = root @ root.transpose(0, 2, 1)
+    blocks = ReducedBlocks(grams, np.zeros((3, 3)), rng.standard_normal((40, 3)), 40, None, 1.0)
+    assert 0.0 < slip_scatter(blocks, PooledCurve(STEEP)) < np.inf
+    grams[:, 1, 1] = worth
+    assert slip_scatter(blocks, PooledCurve(STEEP)) == np.inf
