@@ -79,9 +79,11 @@ class _Misfit(NamedTuple):
 
     def size(self) -> float:
         """Root mean square beyond the noise; 0 where it is within chance."""
-        if self.freedom < 1:
+        # What is expected is below the limit, which need not be imported then.
+        if self.freedom < 1 or self.square <= self.factor * self.freedom:
             return 0.0
-        limit = self.factor * float(scipy.stats.chi2.isf(MISFIT_LEVEL, self.freedom))
+        # As scipy.stats.chi2.isf, which takes half a second to import.
+        limit = self.factor * float(scipy.special.chdtri(self.freedom, MISFIT_LEVEL))
         if self.square <= limit:
             return 0.0
         return float(np.sqrt((self.square - self.factor * self.freedom) / self.information))

@@ -2,15 +2,18 @@
 
 from collections.abc import Iterator
 from math import ceil, floor, log10
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.batch_result import BatchResult
 from adhesion_can.estimation.doubt.settings import EFFORT_BIAS_SHARE, InstrumentUncertainty
-from adhesion_can.estimation.doubt.shared_errors import SharedError, estimate_shared_errors
 from adhesion_can.physics.samples import Samples
 from adhesion_can.result_text import plus_minus
+
+if TYPE_CHECKING:
+    from adhesion_can.estimation.doubt.shared_errors import SharedError
 
 WORTHWHILE = 0.5
 """Largest error in place of a stated one that is worth a proposal, as a share of it."""
@@ -36,6 +39,11 @@ def propose_instruments(
     # In one direction only the form of the curve would show errors.
     if not min(np.mean(force > LEAST_FORCE), np.mean(force < -LEAST_FORCE)) > LEAST_SHARE:
         return
+    # Imported here, since most recordings are in one direction, and the doubt imports much.
+    from adhesion_can.estimation.doubt.shared_errors import (  # noqa: PLC0415
+        estimate_shared_errors,
+    )
+
     estimators, vehicle = configuration.estimators, configuration.vehicle
     found = estimate_shared_errors(
         samples,
@@ -64,7 +72,7 @@ def propose_instruments(
     )
 
 
-def _propose(error: SharedError, stated: float, usual: float) -> float | None:
+def _propose(error: "SharedError", stated: float, usual: float) -> float | None:
     """Standard deviation to state, with two digits; None where the stated one is good enough."""
     wanted = max(error.covering, LEAST * usual)
     if not wanted <= WORTHWHILE * stated:
@@ -73,7 +81,7 @@ def _propose(error: SharedError, stated: float, usual: float) -> float | None:
     return float(f"{ceil(wanted / step) * step:.2g}")
 
 
-def _in_words(error: SharedError, factor: float, unit: str) -> str:
+def _in_words(error: "SharedError", factor: float, unit: str) -> str:
     """An error with its standard deviation: '0.012 ± 0.005 % low'."""
     side = "high" if error.value >= 0.0 else "low"
     digits = max(-floor(log10(max(factor * error.std, 1e-9))), 0)

@@ -156,6 +156,17 @@ def test_importing_a_command_imports_no_extra_and_no_heavy_part_of_scipy():
     assert not (after - before) & HEAVY
 
 
+def test_the_check_of_a_short_drive_needs_no_heavy_part_of_scipy_either(tmp_path):
+    log = tmp_path / "drive.log"
+    assert main(["simulate", "--scenario", "wet", "--duration", "3", "--log", str(log)]) == 0
+    code = "import contextlib, io, can, cantools; from adhesion_can.cli.main import main\n"
+    code += f"with contextlib.redirect_stdout(io.StringIO()): main(['check', {str(log)!r}])"
+    found = modules_after(code + "\npass")
+    assert "scipy.special" not in found
+    # python-can itself imports asammdf, and so pandas, where it is installed.
+    assert not (found - modules_after("import can, cantools")) & HEAVY
+
+
 def test_a_bus_from_the_environment_serves_simulate_too(monkeypatch, capsys):
     monkeypatch.setenv("CAN_INTERFACE", "virtual")
     monkeypatch.setenv("CAN_CHANNEL", "from-environment")

@@ -2,10 +2,10 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from adhesion_can.calibration.agreement import differs
 from adhesion_can.calibration.fit import AxleRadius, Calibration
-from adhesion_can.diagnosis.evaluate import Evaluation
 from adhesion_can.diagnosis.model_worth import ModelWorth, describe_gain, judge_model
 from adhesion_can.estimation.batch_result import BatchResult, Segment
 from adhesion_can.offline.check import CheckResult
@@ -18,6 +18,10 @@ from adhesion_can.reporting.check_words import WRONG
 from adhesion_can.reporting.next_steps.next_step import LIVE, NextStep, Typed
 from adhesion_can.reporting.objections import ObjectionLog, Stretch
 from adhesion_can.result_text import TimeScale
+
+if TYPE_CHECKING:
+    # `check` and `replay` end here too, and need none of what an evaluation imports.
+    from adhesion_can.diagnosis.evaluate import Evaluation
 
 BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in braking"
 
@@ -107,7 +111,7 @@ def after_replay(
     )
 
 
-def after_evaluation(evaluation: Evaluation, typed: Typed) -> NextStep:
+def after_evaluation(evaluation: "Evaluation", typed: Typed) -> NextStep:
     """What the model is worth on these data, and what to do next.
 
     Args:
