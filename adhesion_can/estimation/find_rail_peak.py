@@ -79,7 +79,7 @@ class _Misfit(NamedTuple):
 
     def size(self) -> float:
         """Root mean square beyond the noise; 0 where it is within chance."""
-        # What is expected is below the limit, which need not be imported then.
+        # Less than is expected is within chance, and needs no quantile.
         if self.freedom < 1 or self.square <= self.factor * self.freedom:
             return 0.0
         # As scipy.stats.chi2.isf, which takes half a second to import.
