@@ -17,7 +17,6 @@ from adhesion_can.estimation.doubt.assessment import UNKNOWN, Assessment
 from adhesion_can.estimation.doubt.blocks import (
     CURVE,
     TANGENTS,
-    BlockError,
     BlockSeries,
     BlockSums,
     ReducedBlocks,
@@ -48,6 +47,7 @@ from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.estimation.doubt.score_tests import FEWEST_BLOCKS, Selection, select_directions
 from adhesion_can.estimation.doubt.settings import DoubtSettings, InstrumentUncertainty
 from adhesion_can.estimation.doubt.slip_basis import SIZE
+from adhesion_can.estimation.doubt.speed_wander import SpeedWander
 from adhesion_can.estimation.doubt.surface_changes import find_confirmed_change
 from adhesion_can.estimation.tracker.points import is_valid
 from adhesion_can.physics.burckhardt import CurveParameters
@@ -56,8 +56,6 @@ from adhesion_can.physics.estimate import Estimate, PeakEstimate, has_peak
 from adhesion_can.physics.samples import Samples
 from adhesion_can.values import Stateful
 
-WANDER_S = 5.0
-"""Time for which errors of the vehicle speed that wander are alike, s."""
 FEWEST_SAMPLES = 20
 """Number of samples below which a block is left out."""
 REACH = 0.97
@@ -108,9 +106,7 @@ class DoubtMonitor(Stateful):
             CURVE + names.index(name): std for name, std in stds.items() if std > 0.0
         }
         self._scale = CURVE + names.index(SPEED_SCALE)
-        self._wander: deque[tuple[float, float]] = deque(maxlen=RECENT)
-        """Expected squares of the level's score by noise and by the speed's wander, by block."""
-        self._wander_var = instruments.speed_wander_std**2
+        self._wander = SpeedWander(SIZE + names.index(SPEED_SCALE), instruments.speed_wander_std)
         self._prior_std = dict(self._instruments)
         if settings.shape_std > 0.0:
             self._prior_std |= dict.fromkeys(range(TANGENTS, CURVE), settings.shape_std)
@@ -144,11 +140,7 @@ class DoubtMonitor(Stateful):
     @property
     def inflation(self) -> float:
         """Inflation of the variance by errors that last, for a fit that takes them for noise."""
-        lasting = self.assessment.lasting.beyond_chance
-        if not self._wander:
-            return lasting
-        noise, wander = np.sum(self._wander, axis=0).tolist()
-        return float(max(lasting, 1.0 + wander / noise))
+        return max(self.assessment.lasting.beyond_chance, self._wander.inflation)
 
     def slip_error(self, lambda_m: float) -> float:
         """Standard deviation of an estimated λ_m by errors that last, as a share of it.
@@ -171,7 +163,7 @@ class DoubtMonitor(Stateful):
         to it shows what they did.
         """
         plain = self.assessment.plain
-        if plain is None or not self._wander or self._series.candidates:
+        if plain is None or not self._wander.acts or self._series.candidates:
             return 0.0
         return hypot(plain.mu_max / mu_max - 1.0, plain.mu_max_std / mu_max)
 
@@ -230,25 +222,12 @@ class DoubtMonitor(Stateful):
             self._theta = estimate.theta
         rows = self._rows.build(samples, self._theta, estimate.noise_std)
         binned = BinnedSamples.from_samples(samples, estimate.noise_std)
-        error = self._wander_of_block()
+        error = self._wander.add_block(rows, self._series.block_s)
         self._series.append(BlockSums.from_rows(rows, binned, error))
-        if error is not None:
-            self._wander.append((rows.level_noise, error.level_square(rows)))
         self._theta = fit_blocks(self._series.blocks, self._theta).theta
         reached = float(np.quantile(np.abs(samples.slip), REACH))
         self.reached = max(reached, KEPT_REACH * self.reached)
         return dict(rows.present)
-
-    def _wander_of_block(self) -> BlockError | None:
-        """Error of the vehicle speed in the next block; None where it does not wander.
-
-        Errors that last for longer than a block count as more, so that they do in the sum: the mean
-        over a time T of errors alike for τ has the variance σ² 2τ/T.
-        """
-        if not self._wander_var > 0.0:
-            return None
-        variance = self._wander_var * max(2.0 * WANDER_S / self._series.block_s, 1.0)
-        return BlockError(SIZE + self._scale - CURVE, variance)
 
     def _confirm_changes(self, theta: CurveParameters) -> CurveParameters:
         """End the surface before a confirmed change; parameters of the current surface's curve."""

@@ -6,10 +6,16 @@ import numpy as np
 
 from adhesion_can.estimation.doubt.blocks import BlockSums
 from adhesion_can.estimation.doubt.directions import ResidualDirection, build_directions
+from adhesion_can.estimation.doubt.estimator import DoubtingTracker
 from adhesion_can.estimation.doubt.rows import RowBuilder
+from adhesion_can.estimation.tracker.tracker import Tracker
+from adhesion_can.physics.burckhardt import peak
+from adhesion_can.physics.estimate import Estimate
 from adhesion_can.physics.samples import Samples
 
 THETA = (0.41, 33.0, 0.38)
+MU_MAX, LAMBDA_M = (float(x) for x in (peak(*THETA, 0.5).mu_max, peak(*THETA, 0.5).lambda_m))
+STEP_S = 0.2
 NOISE = 0.01
 AXLES = 4
 DIRECTIONS: tuple[ResidualDirection, ...] = build_directions(AXLES)
@@ -88,3 +94,25 @@ def make_blocks(
         BlockSums.from_rows(builder.build(part, theta, NOISE))
         for part in in_seconds(samples, seconds)
     ]
+
+
+def run(
+    estimator: DoubtingTracker | Tracker, samples: Samples, step_s: float = STEP_S
+) -> list[Estimate]:
+    """Estimates after each step of a drive."""
+    found = []
+    for part in in_seconds(samples, step_s):
+        estimate = estimator.update(part, int(part.t_us[-1]) + 1)
+        if estimate is not None:
+            found.append(estimate)
+    return found
+
+
+def is_wrong(estimate: Estimate) -> bool:
+    """Whether an identifiable peak is off by more than 3 standard deviations, 2 % and 5 %."""
+    if not estimate.identifiable.both:
+        return False
+    mu, slip = abs(estimate.mu_max - MU_MAX), abs(estimate.lambda_m - LAMBDA_M)
+    return (mu > 3 * estimate.mu_max_std and mu > 0.02 * MU_MAX) or (
+        slip > 3 * estimate.lambda_m_std and slip > 0.05 * LAMBDA_M
+    )

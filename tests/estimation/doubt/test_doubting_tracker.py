@@ -17,46 +17,26 @@ from adhesion_can.estimation.doubt.settings import (
     InstrumentUncertainty,
 )
 from adhesion_can.estimation.tracker.tracker import Tracker
-from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.doubt import Doubt
-from adhesion_can.physics.estimate import Estimate, PeakEstimate
-from adhesion_can.physics.samples import Samples
+from adhesion_can.physics.estimate import PeakEstimate
 from adhesion_can.values import Stateful, Value
 from tests.estimation.curves.family_helpers import make_samples as make_law_samples
 from tests.estimation.curves.family_helpers import polach
-from tests.estimation.doubt.doubt_helpers import AXLES, THETA, in_seconds, make_samples
+from tests.estimation.doubt.doubt_helpers import (
+    AXLES,
+    MU_MAX,
+    in_seconds,
+    is_wrong,
+    make_samples,
+    run,
+)
 from tests.seeds import first_quick
-
-STEP_S = 0.2
-MU_MAX, LAMBDA_M = (float(x) for x in (peak(*THETA, 0.5).mu_max, peak(*THETA, 0.5).lambda_m))
-
-
-def run(
-    estimator: DoubtingTracker | Tracker, samples: Samples, step_s: float = STEP_S
-) -> list[Estimate]:
-    """Estimates after each step of a drive."""
-    found = []
-    for part in in_seconds(samples, step_s):
-        estimate = estimator.update(part, int(part.t_us[-1]) + 1)
-        if estimate is not None:
-            found.append(estimate)
-    return found
 
 
 def doubting(
     instruments: InstrumentUncertainty | None = None, settings: DoubtSettings | None = None
 ) -> DoubtingTracker:
     return DoubtingTracker(Tracker(), AXLES, settings, instruments)
-
-
-def is_wrong(estimate: Estimate) -> bool:
-    """Whether an identifiable peak is off by more than 3 standard deviations, 2 % and 5 %."""
-    if not estimate.identifiable.both:
-        return False
-    mu, slip = abs(estimate.mu_max - MU_MAX), abs(estimate.lambda_m - LAMBDA_M)
-    return (mu > 3 * estimate.mu_max_std and mu > 0.02 * MU_MAX) or (
-        slip > 3 * estimate.lambda_m_std and slip > 0.05 * LAMBDA_M
-    )
 
 
 @pytest.mark.parametrize("seed", range(3))

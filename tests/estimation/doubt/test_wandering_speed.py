@@ -11,22 +11,24 @@ from adhesion_can.estimation.doubt.estimator import DoubtingTracker
 from adhesion_can.estimation.doubt.rows import RowBuilder
 from adhesion_can.estimation.doubt.settings import InstrumentUncertainty
 from adhesion_can.estimation.doubt.slip_basis import SIZE
+from adhesion_can.estimation.doubt.speed_wander import SpeedWander
 from adhesion_can.estimation.tracker.tracker import Tracker
-from adhesion_can.physics.burckhardt import peak
 from adhesion_can.physics.doubt import Doubt
 from tests.estimation.doubt.doubt_helpers import (
     AXLES,
     DIRECTIONS,
+    LAMBDA_M,
+    MU_MAX,
     NAMES,
     NOISE,
     THETA,
-    in_seconds,
+    is_wrong,
     make_samples,
+    run,
 )
 from tests.seeds import first_quick
 
 PLACE = SIZE + NAMES.index(SPEED_SCALE)
-TOP = peak(*THETA, 0.5)
 STD = 0.002
 """Standard deviation of the error in the drives, relative."""
 
@@ -78,6 +80,19 @@ def test_the_square_along_the_level_is_that_of_the_error_alone():
     assert BlockError(PLACE, STD**2).level_square(rows) == pytest.approx(wanted, rel=0.1)
 
 
+@pytest.mark.parametrize(("block_s", "times"), [(0.5, 20.0), (4.0, 2.5), (10.0, 1.0), (16.0, 1.0)])
+def test_an_error_that_outlasts_a_block_counts_as_more(block_s, times):
+    assert SpeedWander(PLACE, STD).add_block(rows_of(), block_s) == pytest.approx(
+        (PLACE, times * STD**2)
+    )
+
+
+def test_without_a_size_there_is_no_error_and_no_inflation():
+    wander = SpeedWander(PLACE, 0.0)
+    assert wander.add_block(rows_of(), 1.0) is None
+    assert (wander.acts, wander.inflation) == (False, 1.0)
+
+
 def wandering(seed, seconds=60.0):
     """A drive whose vehicle speed has another error each 3 to 7 s."""
     rng = np.random.default_rng(seed)
@@ -89,62 +104,44 @@ def wandering(seed, seconds=60.0):
 
 
 def driven(samples, wander_std):
-    """Estimates of a drive from 20 s on."""
+    """A tracker that doubts itself after a drive, and its estimates from 20 s on."""
     instruments = InstrumentUncertainty(speed_wander_std=wander_std)
-    estimator = DoubtingTracker(Tracker(), AXLES, None, instruments)
-    parts = in_seconds(samples, 0.2)
-    return [estimator.update(part, int(part.t_us[-1]) + 1) for part in parts][100:]
+    tracker = DoubtingTracker(Tracker(), AXLES, None, instruments)
+    return tracker, run(tracker, samples)[-200:]
 
 
 @pytest.fixture(scope="module")
 def monitors():
-    """Monitors of the same drive without and with a stated wander, and their estimate."""
-    found = []
-    for std in (0.0, STD):
-        tracker = DoubtingTracker(
-            Tracker(), AXLES, None, InstrumentUncertainty(speed_wander_std=std)
-        )
-        parts = in_seconds(wandering(1), 0.2)
-        last = [tracker.update(part, int(part.t_us[-1]) + 1) for part in parts][-1]
-        found.append(tracker._monitor)
-    return *found, last
+    """Monitors of the same drive without and with a stated wander."""
+    return [driven(wandering(1), std)[0]._monitor for std in (0.0, STD)]
 
 
 def test_the_tracker_is_told_of_what_the_wander_does_to_the_level(monitors):
-    plain, wanders, _ = monitors
+    plain, wanders = monitors
     assert plain.inflation == plain.assessment.lasting.beyond_chance
     # Blocks alone show less of it than noise does, once it is part of their weights.
     assert wanders.assessment.lasting.beyond_chance < plain.inflation < wanders.inflation
 
 
 def test_the_error_of_the_level_is_the_distance_from_the_curve_of_all_samples(monitors):
-    plain, wanders, last = monitors
-    assert plain.level_error(last.mu_max) == 0.0
+    plain, wanders = monitors
+    assert plain.level_error(MU_MAX) == 0.0
     peak_of_all = wanders.assessment.plain
     share = peak_of_all.mu_max_std / peak_of_all.mu_max
     assert wanders.level_error(peak_of_all.mu_max) == pytest.approx(share)
     assert wanders.level_error(0.9 * peak_of_all.mu_max) == pytest.approx(1 / 9, rel=0.01)
 
 
-def is_wrong(one):
-    """Whether an identifiable peak is off by more than 3 standard deviations, 2 % and 5 %."""
-    mu, slip = abs(one.mu_max - TOP.mu_max), abs(one.lambda_m - TOP.lambda_m)
-    return one.identifiable.both and (
-        mu > max(3 * one.mu_max_std, 0.02 * TOP.mu_max)
-        or slip > max(3 * one.lambda_m_std, 0.05 * TOP.lambda_m)
-    )
-
-
 @pytest.mark.parametrize("seed", first_quick(range(20), 3))
 def test_a_stated_wander_is_no_doubt_and_no_change_and_the_peak_is_known_better(seed):
     """Else the same errors inflate all variances. In 20 drives each of this holds in all."""
     samples = wandering(seed)
-    found, plain = driven(samples, STD), driven(samples, 0.0)
+    (_, found), (_, plain) = driven(samples, STD), driven(samples, 0.0)
     assert len({one.surface_since_us for one in found}) == 1
     assert np.mean([one.doubt is Doubt.NONE for one in found]) > 0.9
     assert not any(map(is_wrong, found))
     ratio = [own.lambda_m_std / other.lambda_m_std for own, other in zip(found, plain, strict=True)]
     assert np.median(ratio) < 0.6
     last = found[-1]
-    assert abs(last.mu_max - TOP.mu_max) < 4 * last.mu_max_std
-    assert abs(last.lambda_m - TOP.lambda_m) < 4 * last.lambda_m_std
+    assert abs(last.mu_max - MU_MAX) < 4 * last.mu_max_std
+    assert abs(last.lambda_m - LAMBDA_M) < 4 * last.lambda_m_std
