@@ -54,6 +54,15 @@ class Result:
                 out.print(part)
 
 
+# Functions with names, since two parsers of a command have to be equal.
+def _require_page(path: Path, _option: str) -> None:
+    require_extra(str(path))
+
+
+def _require_browser(_value: object, option: str) -> None:
+    require_extra(option)
+
+
 def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
     """Options --html, --open, --png and --svg.
 
@@ -65,10 +74,10 @@ def add_report(parser: argparse.ArgumentParser, *, html: bool = True) -> None:
     group = parser.add_argument_group("report (extra 'report')")
     if html:
         about = "write the report to one file"
-        add_file(parser, "--html", "F", about, lambda path, _: require_extra(str(path)), group)
+        add_file(parser, "--html", "F", about, _require_page, group)
     where = " (a temporary file without --html)" if html else ""
     about = f"open the report in a browser{where}"
-    browser = Output("--open", lambda _, option: require_extra(option), is_file=False)
+    browser = Output("--open", _require_browser, is_file=False)
     browser.add(parser, group, action="store_true", help=about)
     for name in PICTURES:
         what = f"write the report's figures as {name.upper()}: F.{name}, F-2.{name}, .."
