@@ -58,6 +58,15 @@ def test_without_an_estimate_nothing_is_sent_whatever_the_status(builder, status
     assert build(builder, status, None, may_hold=True) == replace(NONE, status=status)
 
 
+def test_an_observed_speed_is_sent_for_a_measured_one_and_scales_the_creep_speed(builder):
+    observed = build(builder, estimate=replace(KNOWN, observed_speed=12.0), speed=None)
+    assert observed.speed == 12.0
+    assert observed.speed_observed
+    measured = build(builder, speed=12.0)
+    assert not measured.speed_observed
+    assert observed.setpoint == measured.setpoint
+
+
 def test_a_surface_that_changes_at_the_due_time_or_after_it_is_of_age_0(builder):
     found = [
         build(builder, t_us=t_us, estimate=replace(KNOWN, surface_since_us=10)) for t_us in (9, 10)
