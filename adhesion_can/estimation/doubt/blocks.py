@@ -106,7 +106,8 @@ class BlockSums(Value):
             crossed = np.outer(share, dilution[k])
             dilution = dilution - crossed - crossed.T + dilution[k, k] * np.outer(share, share)
             along, square = float(level @ rows.columns[:, k]), float(level @ rows.level)
-            noise *= max(1.0 - along * along / (total * square), 0.0)
+            if square > 0.0:
+                noise *= max(1.0 - along * along / (total * square), 0.0)
         return cls(gram, dilution, score, noise, rows.curve_square, binned)
 
     def joined(self, other: "BlockSums") -> "BlockSums":

@@ -6,8 +6,6 @@ shorter than they last, its error counts as that much more, and the sum of many 
 
 from collections import deque
 
-import numpy as np
-
 from adhesion_can.estimation.doubt.blocks import BlockError
 from adhesion_can.estimation.doubt.rows import Rows
 from adhesion_can.values import Stateful
@@ -55,7 +53,8 @@ class SpeedWander(Stateful):
     @property
     def inflation(self) -> float:
         """Variance of the curve's level over that by noise alone; 1 without such an error."""
-        if not self._squares:
+        noise = sum(noise for noise, _ in self._squares)
+        # Wheels that do not slip at all tell nothing of the level, with or without the error.
+        if not noise > 0.0:
             return 1.0
-        noise, wander = np.sum(self._squares, axis=0).tolist()
-        return float(1.0 + wander / noise)
+        return 1.0 + sum(wander for _, wander in self._squares) / noise

@@ -93,6 +93,18 @@ def test_without_a_size_there_is_no_error_and_no_inflation():
     assert (wander.acts, wander.inflation) == (False, 1.0)
 
 
+def test_wheels_that_do_not_slip_tell_nothing_and_break_nothing():
+    """As on a bench without noise that coasts: the curve's level has no rows at all."""
+    samples = make_samples(np.random.default_rng(1), 10.0)
+    still = replace(samples, slip=np.zeros(len(samples)), adhesion=np.zeros(len(samples)))
+    tracker, found = driven(still, STD)
+    assert tracker._monitor.inflation == 1.0
+    plain = driven(still, 0.0)[1]
+    assert [one.mu_max_std for one in found] == pytest.approx(
+        [one.mu_max_std for one in plain], rel=1e-3
+    )
+
+
 def wandering(seed, seconds=60.0):
     """A drive whose vehicle speed has another error each 3 to 7 s."""
     rng = np.random.default_rng(seed)
