@@ -1,5 +1,6 @@
 """The unit for systemd, judged by systemd's own tool."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -55,3 +56,31 @@ def test_the_command_of_the_unit_is_one_of_ours(capsys):
     # Every option is known; what is wrong is the file that is not here.
     assert main(words) == 2
     assert "no-such-can.toml" in capsys.readouterr().err
+
+
+def keep_log(folder):
+    """Do what the unit for can0 does before it starts, as systemd writes the command out."""
+    line = re.search(r"^ExecStartPre=-/bin/sh -c '(.*)'$", UNIT.read_text(), re.MULTILINE)
+    command = line[1].replace("%%", "\0").replace("%i", "can0").replace("\0", "%")
+    return subprocess.run(
+        ["/bin/sh", "-c", command.replace("$$", "$")],
+        env=os.environ | {"LOGS_DIRECTORY": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_log_of_the_last_start_is_kept(tmp_path):
+    assert keep_log(tmp_path).returncode == 0
+    assert not list(tmp_path.iterdir())
+    for stamp, text in ((1_700_000_000, "first"), (1_700_000_060, "second")):
+        (log := tmp_path / "can0.log").write_text(text)
+        os.utime(log, (stamp, stamp))
+        done = keep_log(tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+    found = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert found == {
+        "can0-20231114T221320Z.log": "first",
+        "can0-20231114T221420Z.log": "second",
+    }
