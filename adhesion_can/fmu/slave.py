@@ -62,26 +62,35 @@ class Cycle:
         self._name = name
         self.cycle_us = round(cycle_s * 1e6)
         """Time from one reading to the next, µs."""
-        self._due_us = start_us
+        # Not rounded: a step of 1/150 s for each cycle of 1/150 s stays one for hours.
+        self._exact_us = cycle_s * 1e6
+        self._start_us = start_us
+        self._read = 0
+        """Number of cycles that have begun before the next reading."""
 
     def is_due(self, from_us: int, until_us: int) -> bool:
         """Whether the signal is to be read at the start of a step; times ascend.
 
         InputError where the step is longer than the cycle, so that readings would be missing.
         """
-        if until_us - from_us > self.cycle_us:
+        # The ends of the step and the cycle are rounded.
+        if until_us - from_us > self.cycle_us + ROUNDING_US:
             raise InputError(
                 self._name,
                 f"a step of {(until_us - from_us) / 1e6:g} s misses readings, which come each "
                 f"{self.cycle_us / 1e6:g} s",
                 "step in shorter steps, or set this parameter to the step",
             )
-        if from_us < self._due_us:
+        begun = int((from_us - self._start_us + _HALF_US) // self._exact_us) + 1
+        if begun <= self._read:
             return False
-        cycles = (from_us - self._due_us) // self.cycle_us + 1
-        self._due_us += cycles * self.cycle_us
+        self._read = begun
         return True
 
 
+ROUNDING_US = 1
+"""Largest error of a duration between times in whole microseconds, µs."""
+_HALF_US = 0.501
+"""Largest error of such a time, µs, and of its sums."""
 LONGEST_S = 86_400.0
 """Longest cycle, s: a day."""

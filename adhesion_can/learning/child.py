@@ -87,7 +87,7 @@ def main() -> int:
     except BrokenPipeError:
         return 0  # the service has ended
     except Exception as error:  # noqa: BLE001  whatever it was: the service reports it
-        tell(LearningReport(news=f"failed: {type(error).__name__}: {error}"))
+        tell(LearningReport.from_failure(error))
         return FAILED
     return 0
 
@@ -99,13 +99,16 @@ def _learn(source: BinaryIO, tell: Callable[[LearningReport], None]) -> None:
     came, has_ended = threading.Event(), threading.Event()
 
     def receive() -> None:
-        while True:
-            try:
+        try:
+            while True:
                 batch: ReadingBatch = pickle.load(source)  # noqa: S301
-            except (EOFError, pickle.UnpicklingError):
-                break
-            learner.add(batch.readings, batch.is_doubted)
-            came.set()
+                learner.add(batch.readings, batch.is_doubted)
+                came.set()
+        except (EOFError, pickle.UnpicklingError):
+            pass
+        except Exception as error:  # noqa: BLE001  a process that is deaf would outlive the service
+            tell(LearningReport.from_failure(error))
+            os._exit(FAILED)
         has_ended.set()
         came.set()
         # A diagnosis is not waited for; a file that is being written may be finished.

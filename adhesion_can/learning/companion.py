@@ -16,7 +16,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import IO, NamedTuple
 
-from adhesion_can.learning.child import FAILED, LearningTask, ReadingBatch
+from adhesion_can.learning.child import LearningTask, ReadingBatch
 from adhesion_can.learning.doubted import is_doubted
 from adhesion_can.learning.record import join_readings
 from adhesion_can.learning.report import LearningReport
@@ -118,6 +118,10 @@ class LearningCompanion:
         stamps, _ = next(iter(readings.values()))
         t_us = int(stamps[0])
         parts = self._parts
+        if parts and t_us - self._since_us > 2 * BATCH_US:
+            # What came before a hole goes alone, so that the record sees the hole.
+            self._batches.put(_FrameReadings(parts, self._is_doubted))
+            parts = self._parts = []
         if not parts:
             self._since_us = t_us
         parts.append(readings)
@@ -175,8 +179,15 @@ class LearningCompanion:
         if process is None or process.poll() is not None:
             if self._closing or time.monotonic() - self._started_s < self._restart_s:
                 return
+            try:
+                self._start()
+            except OSError as error:
+                self._notify(
+                    f"--learn: the learning process cannot be started: {error}; it is tried again "
+                    f"in {self._restart_s:g} s"
+                )
+                return
             self.restarts += 1
-            self._start()
             process = self._process
         if process is not self._greeted and process is not None:
             # Here, as the task is more than a pipe holds, and the child may not read.
@@ -212,7 +223,8 @@ class LearningCompanion:
                 for line in lines:
                     last = LearningReport.from_line(line.decode("utf-8"))
                     self.report = last
-                    if last.news:
+                    # A failure is told below, once.
+                    if last.news and not last.is_failure:
                         self._news.put(last)
         status = process.wait()
         if process.stdin is not None:
@@ -220,7 +232,7 @@ class LearningCompanion:
         if self._closing or self._has_died:
             return
         self._has_died = True
-        reason = last.news if status == FAILED and last.news else f"ended with status {status}"
+        reason = last.news if last.is_failure else f"ended with status {status}"
         self._notify(
             f"--learn: the learning process {reason}; it is started again every "
             f"{self._restart_s:g} s, and further ends are not reported"

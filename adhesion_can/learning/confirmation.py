@@ -109,6 +109,10 @@ class ModelConfirmation:
             self._test.worse = 1.0
         self.grow_old(t_us)
 
+    def pause(self, duration_us: int) -> None:
+        """Leave a time, µs, out of the age: readings came that predict nothing, as at a stand."""
+        self._since_us += duration_us
+
     def grow_old(self, t_us: int) -> None:
         """Drop a model that is not confirmed by a time, µs, that is too late."""
         if self.state is LearningState.ESTIMATED and t_us - self._since_us > self._most_age_us:

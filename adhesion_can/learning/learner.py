@@ -259,9 +259,13 @@ class Learner:
         to_us = from_us + SPANS_AT_ONCE * span_us
         if now_us < to_us + EDGE_S * 1e6:
             return False
+        confirmation.pause(from_us - self._fresh_us)
         self._fresh_us = to_us
         before = confirmation.state
-        for span in self._predict(learned, from_us, to_us, span_us):
+        spans = self._predict(learned, from_us, to_us, span_us)
+        if spans is None:
+            confirmation.pause(to_us - from_us)
+        for span in spans or ():
             confirmation.add(span.to_us, is_better=span.is_better)
         confirmation.grow_old(now_us)
         report = replace(
@@ -290,8 +294,8 @@ class Learner:
 
     def _predict(
         self, learned: LearnedModel, from_us: int, to_us: int, span_us: int
-    ) -> list[PredictedSpan]:
-        """Predicted spans; none where the readings do not allow it."""
+    ) -> list[PredictedSpan] | None:
+        """Predicted spans; None where the readings do not allow it."""
         training_us = round(self.settings.training_s * 1e6)
         with self._lock:
             readings = self._record.between(from_us - training_us, to_us + round(EDGE_S * 1e6))
@@ -300,7 +304,7 @@ class Learner:
             return predict_spans(drive, learned.model, from_us, span_us, SPANS_AT_ONCE)
         except InputError:
             # Nothing to be learned from these readings: a standstill, or a hole.
-            return []
+            return None
 
     # ---------------------------------------------------------------------------------- reports
 

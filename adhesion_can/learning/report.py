@@ -6,6 +6,8 @@ from typing import Any
 
 from adhesion_can.learning.confirmation import LearningState
 
+_FAILED = "failed: "
+
 
 @dataclass(frozen=True, slots=True)
 class LearnedCause:
@@ -57,6 +59,16 @@ class LearningReport:
     spans: int = 0
     won: int = 0
     outcome: str = ""
+
+    @classmethod
+    def from_failure(cls, error: Exception) -> "LearningReport":
+        """Report of an error that ends the learner."""
+        return cls(news=f"{_FAILED}{type(error).__name__}: {error}")
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether the learner has ended with an error."""
+        return self.news.startswith(_FAILED)
 
     def to_dict(self) -> dict[str, Any]:
         """Fields as JSON has them, without the model's text."""

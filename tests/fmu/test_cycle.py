@@ -30,9 +30,16 @@ def test_it_reads_at_the_first_step_from_each_whole_cycle_on(cycle_us, start_us,
     assert times == list(cycles.values())
 
 
-@given(cycle_us=st.integers(2, 5000), more=st.integers(1, 5000))
+@given(cycle_us=st.integers(2, 5000), more=st.integers(2, 5000))
 def test_a_step_longer_than_the_cycle_is_refused(cycle_us, more):
     cycle = Cycle("cycle_of_mine", cycle_us / 1e6, 0)
     assert cycle.is_due(0, cycle_us)
     with pytest.raises(InputError, match="cycle_of_mine"):
         cycle.is_due(cycle_us, 2 * cycle_us + more)
+
+
+@pytest.mark.parametrize("rate", [120, 150, 30, 300, 3200, 16_000, 44_100, 48_000])
+def test_a_step_of_the_cycle_reads_each_time_though_both_are_rounded(rate):
+    cycle = Cycle("c", 1 / rate, 0)
+    stamps = [round(1e6 * k / rate) for k in range(5001)]
+    assert all(map(cycle.is_due, stamps, stamps[1:]))

@@ -108,3 +108,15 @@ def test_a_fault_of_an_input_is_an_answer():
     session = Session(Adder())
     session.answer([SETUP, 0.0, 0.0, 2.0, 15.0, 0.0])
     assert session.answer([STEP, 0.0, 0.1, 2.0, 15.0, -1.0]).error.startswith("u: is negative")
+
+
+@pytest.mark.parametrize("step_s", [62.5e-6, 312.5e-6, 1 / 48_000, 1 / 44_100, 1 / 300])
+def test_times_may_be_rounded_by_how_a_master_computes_them(step_s):
+    multiplied, summed = Session(Adder()), Session(Adder())
+    start, now = [SETUP, 100.0, 0.0, 2.0, 0.0, 0.0], 100.0
+    assert not multiplied.answer(start).error
+    assert not summed.answer(start).error
+    for k in range(2000):
+        assert not multiplied.answer([STEP, 100.0 + k * step_s, step_s, 2.0, 0.0, 0.0]).error
+        assert not summed.answer([STEP, now, step_s, 2.0, 0.0, 0.0]).error
+        now += step_s

@@ -15,6 +15,7 @@ from adhesion_can.learning.child import LearningTask
 from adhesion_can.learning.companion import BATCH_US, WAITING_BATCHES, LearningCompanion
 from adhesion_can.learning.confirmation import LearningState
 from adhesion_can.learning.learner import LearningSettings
+from adhesion_can.learning.record import ReadingRecord, join_readings
 from adhesion_can.learning.report import LearningReport
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.readings import Role
@@ -100,6 +101,66 @@ def test_a_process_that_dies_is_reported_once_and_started_again():
             time.sleep(0.06)
         assert len(started.told) == 1
         assert "ended with status 3" in started.told[0]
+
+
+def test_a_process_that_cannot_be_started_again_is_reported_and_tried_again(monkeypatch):
+    with Started(ENDS, restart_s=0.05) as started:
+        os.kill(started.companion.process_id, signal.SIGKILL)
+        wait_until(lambda: started.told)
+        real, failures = subprocess.Popen, [OSError(12, "Cannot allocate memory")]
+
+        def popen(*words, **more):
+            if failures:
+                raise failures.pop()
+            return real(*words, **more)
+
+        monkeypatch.setattr(subprocess, "Popen", popen)
+        while started.companion.restarts < 1:
+            assert started.send(2) < PUT_S
+            time.sleep(0.06)
+        assert "cannot be started" in started.told[1]
+        assert "memory" in started.told[1]
+        assert started.companion.restarts == 1
+
+
+def test_an_error_of_the_learner_is_said_once():
+    line = LearningReport.from_failure(ValueError("x")).to_line().strip()
+    with Started(f"print({line!r}, flush=True); raise SystemExit(1)", restart_s=0.05) as started:
+        wait_until(lambda: started.told)
+        while started.companion.restarts < 2:
+            assert started.send(2) < PUT_S
+            time.sleep(0.06)
+        assert [line for line in started.told if "ValueError: x" in line] == started.told
+        assert len(started.told) == 1
+        assert started.companion.take_news() is None
+
+
+def test_readings_behind_a_hole_are_no_part_of_the_batch_before_it():
+    """Else a record that is cleared by a hole would not see one."""
+    record = ReadingRecord(480.0, 60.0)
+    with Started(DEAF) as started:
+        companion = started.companion
+        companion._batches.put = lambda batch: record.add(join_readings(batch.parts))
+        for second in (*np.arange(0.0, 30.13, 0.02), *np.arange(230.0, 240.0, 0.02)):
+            companion.observe_readings(readings(second, 1))
+    assert record.length_s == pytest.approx(10.0, abs=0.6)
+
+
+CHILD = (
+    "import pickle, sys\n"
+    "sys.path[:] = pickle.load(sys.stdin.buffer)\n"
+    "from adhesion_can.learning import child, learner\n"
+    "def add(self, readings, is_doubted): raise MemoryError('no room')\n"
+    "learner.Learner.add = add\n"
+    "sys.exit(child.main())\n"
+)
+
+
+def test_a_child_that_cannot_take_readings_says_so_and_ends():
+    with Started(CHILD, restart_s=1000.0) as started:
+        started.send(4)
+        wait_until(lambda: started.told)
+        assert "failed: MemoryError: no room" in started.told[0]
 
 
 def test_a_process_that_is_killed_is_not_started_again_at_once():

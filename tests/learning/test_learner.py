@@ -233,6 +233,23 @@ def test_a_kept_model_that_does_not_hold_any_more_is_dropped_for_good(course):
 
 
 @pytest.mark.usefixtures("confirmed")
+def test_a_standstill_does_not_age_a_model(course, tmp_path, monkeypatch):
+    def standing(*_):
+        raise InputError("record", "not one row is usable", "drive")
+
+    with monkeypatch.context() as depot:
+        ran = begin_again(course, 5000)
+        depot.setattr(module, "build_drive", standing)
+        ran.go(7000)
+        assert [state for state, _ in ran.news] == ["estimated"]
+        told = read_model(tmp_path / "learned-speed_scale.toml").provenance
+        assert told["state"] == "confirmed"
+    monkeypatch.setattr(module, "build_drive", lambda readings, _: readings)
+    ran.go(7200)
+    assert [state for state, _ in ran.news] == ["estimated", "confirmed"]
+
+
+@pytest.mark.usefixtures("confirmed")
 @pytest.mark.parametrize(("now_s", "in_use"), [(600 + 86_400 + 60, ()), (5000, ("speed_scale",))])
 def test_a_kept_model_that_is_too_old_or_in_use_is_not_taken_up(course, now_s, in_use):
     assert begin_again(course, now_s, in_use=in_use).go(now_s + 10).news == []

@@ -139,6 +139,12 @@ class DoubtingTracker(Stateful):
         if self._peak is None or self._peak[0] != key:
             end, leader = self._limits.slip_max, comparison.leader
             peak = comparison.peak(conditions, end)
+            if not (
+                has_peak(peak) and leader.family.peak(leader.values, conditions, end).mu_max > 0
+            ):
+                # Efforts that read 0, or have the wrong sign: no curve has such a peak.
+                self._peak = key, (PeakEstimate(0.0, 0.0, inf, inf), (0.0, 0.0, 0.0))
+                return self._peak[1]
             nearest = burckhardt_with_same_peak(leader.family, leader.values, conditions, end)
             top = burckhardt_peak(*nearest)
             theta = curve_with_peak(peak.mu_max, peak.lambda_m, nearest[1] * float(top.lambda_m))

@@ -276,7 +276,10 @@ class DoubtMonitor(Stateful):
         instrument_std = (0.0, 0.0)
         if families is not None:
             known = self._fit_instruments(reduced, lasting.inflation)
-            instrument_std = _shares_of_change(plain_peak, peak(known))
+            known_peak = peak(known)
+            instrument_std = (
+                _shares_of_change(plain_peak, known_peak) if has_peak(plain_peak) else (inf, inf)
+            )
         self.assessment = Assessment(
             selection.doubt,
             selection.names,

@@ -11,6 +11,9 @@ from adhesion_can.physics.samples import Samples
 from adhesion_can.sampling.equations import AID_COLUMNS
 from adhesion_can.values import Stateful
 
+LONGEST_WAIT_US = 1_000_000
+"""Longest time for which a sample waits for those of the other axles, µs."""
+
 
 @dataclass(frozen=True, slots=True)
 class SampleRow:
@@ -62,6 +65,7 @@ class AxleRows(Stateful):
         of_axle = zip(*(column.tolist() for column in columns), strict=True)
         for axle, one in zip(samples.axle.tolist(), of_axle, strict=True):
             self._waiting[axle - 1].append(one)
+        self._forget_old()
         rows = []
         while all(self._waiting):
             latest_us = max(queue[0][0] for queue in self._waiting)
@@ -75,6 +79,13 @@ class AxleRows(Stateful):
             t_us = float(found[:, 0].mean())
             rows.append(SampleRow(t_us, *found[:, 1:4].T.copy(), *self._fresh(found[:, 4:])))
         return rows
+
+    def _forget_old(self) -> None:
+        """Drop samples that wait for an axle which has none: it may stay lost for hours."""
+        newest_us = max((queue[-1][0] for queue in self._waiting if queue), default=0.0)
+        for queue in self._waiting:
+            while queue and newest_us - queue[0][0] > LONGEST_WAIT_US:
+                queue.popleft()
 
     def _fresh(self, aids: Array) -> list[float]:
         """Values of the aids that no row before had; NaN where there is none.

@@ -73,6 +73,9 @@ class ObservedSpeedEstimator(ReplacingStage):
     def update(self, samples: Samples, now_us: int) -> Estimate | None:
         """Process samples, as `Estimator.update` defines it."""
         self.used = self._use(samples) if len(samples) else NO_SAMPLES
+        self._observer.expire(now_us)
+        if self._observer.block is None:
+            self._objection = Objection.NO_RELIEF
         given, block = self.inner.update(self.used, now_us), self._observer.block
         if given is not self._given or block is not self._block:
             self._given, self._block = given, block
@@ -91,9 +94,7 @@ class ObservedSpeedEstimator(ReplacingStage):
             if found.is_known:
                 self._objection = Objection.NONE
         block = self._observer.block
-        if block is None:
-            self._objection = Objection.NO_RELIEF
-        elif block.objection is not Objection.NONE:
+        if block is not None and block.objection is not Objection.NONE:
             self._objection = block.objection
         return Samples.concatenate(parts) if parts else NO_SAMPLES
 

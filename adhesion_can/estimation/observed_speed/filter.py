@@ -47,6 +47,9 @@ from adhesion_can.estimation.observed_speed.surface_passage import SurfacePassag
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.values import Stateful
 
+GNSS_STDS, GNSS_SHARE = 5.0, 0.02
+"""Largest distance of a speed by satellites: standard deviations, and further as a share of it."""
+
 
 class ObservedSpeedFilter(Stateful):
     """Filter of `drives` that run side by side; a service has one.
@@ -197,13 +200,18 @@ class ObservedSpeedFilter(Stateful):
         return change
 
     def _measure_gnss(self, state: GaussianState) -> None:
-        there = np.isfinite(self._gnss)
+        # A receiver without a fix may send 0 or any speed as a valid one. The filter is the less
+        # certain of its own the longer none is used, so a right one is not refused for ever.
+        there = self._gnss >= LOWEST_SPEED
+        shown = np.where(there, self._gnss, 1.0)
+        R = np.where(there, (self.settings.gnss_std / shown) ** 2, 1.0)
+        error = np.log(shown) - state.mean[:, SPEED]
+        std = np.sqrt(state.covariance[:, SPEED, SPEED] + R)
+        there &= np.abs(error) <= GNSS_STDS * std + GNSS_SHARE
         if there.any():
             H = np.zeros((self.drives, 1, self._layout.size))
             H[:, 0, SPEED] = there
-            shown = np.where(there, np.maximum(self._gnss, LOWEST_SPEED), 1.0)
-            error = np.where(there, np.log(shown) - state.mean[:, SPEED], 0.0)
-            R = np.where(there, (self.settings.gnss_std / shown) ** 2, 1.0)
+            error, R = np.where(there, error, 0.0), np.where(there, R, 1.0)
             state.update(H, error[:, None], R[:, None])
             self._reliefs.see_speed(there)
         self._gnss = np.full(self.drives, np.nan)

@@ -11,7 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from adhesion_can.arrays import Array
-from adhesion_can.estimation.observed_speed.axle_rows import AxleRows, SampleRow
+from adhesion_can.estimation.observed_speed.axle_rows import (
+    LONGEST_WAIT_US,
+    AxleRows,
+    SampleRow,
+)
 from adhesion_can.estimation.observed_speed.filter import ObservedSpeedFilter
 from adhesion_can.estimation.observed_speed.result import ObservedSpeed
 from adhesion_can.estimation.observed_speed.settings import ObservedSpeedSettings
@@ -23,6 +27,8 @@ from adhesion_can.values import Stateful, Value
 
 LONGEST_GAP_S = 0.1
 """Longest time without a sample of all axles that is bridged, s; then the filter starts again."""
+LONGEST_AGE_S, LONGEST_AGE_CYCLES = 0.5, 4
+"""Age of the latest block beyond which the speed is not known any more, s, and least in cycles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +105,24 @@ class SpeedObserver(Stateful):
 
     def add(self, samples: Samples) -> list[ObservedSamples]:
         """Add samples in the order of their stamps; returns those that are complete by now."""
-        self._waiting = Samples.concatenate([self._waiting, samples])
+        waiting = Samples.concatenate([self._waiting, samples])
+        if len(waiting) and waiting.t_us[-1] - waiting.t_us[0] > LONGEST_WAIT_US:
+            waiting = waiting.select(waiting.t_us >= waiting.t_us[-1] - LONGEST_WAIT_US)
+        self._waiting = waiting
         found = []
         for row in self._rows.add(samples):
             found += self._take(row)
         return found
+
+    def expire(self, now_us: int) -> None:
+        """Forget the speed if no row of all axles has come for too long."""
+        longest_us = max(LONGEST_AGE_S * 1e6, LONGEST_AGE_CYCLES * self._setup.cycle_us)
+        if self.block is not None and now_us - self.block.t_us > longest_us:
+            self._start_again()
+
+    def _start_again(self) -> None:
+        self._filter = self._setup.make_filter()
+        self._stamps, self._result, self.block = [], None, None
 
     def _take(self, row: SampleRow) -> list[ObservedSamples]:
         """Take a row in; one that was lost is bridged by that after it."""
@@ -128,9 +147,9 @@ class SpeedObserver(Stateful):
         """Stamps, µs, at which there should be rows since the latest one."""
         cycle_us, last_us, self._row_us = self._setup.cycle_us, self._row_us, t_us
         cycles = 1 if last_us is None else max(round((t_us - last_us) / cycle_us), 1)
-        if cycles * cycle_us > LONGEST_GAP_S * 1e6:
-            self._filter = self._setup.make_filter()
-            self._stamps, self._result, self.block = [], None, None
+        # One lost row is bridged, however seldom they come.
+        if cycles > 2 and cycles * cycle_us > LONGEST_GAP_S * 1e6:
+            self._start_again()
             return [t_us]
         return [t_us - missing * cycle_us for missing in range(cycles - 1, -1, -1)]
 

@@ -227,3 +227,15 @@ def test_a_flat_fit_knows_nothing_of_the_peak() -> None:
     assessment = replace(UNKNOWN, plain=flat, full=flat._replace(mu_max=0.1))
     estimate = run(doubting(), make_samples(np.random.default_rng(1), 5.0))[-1]
     assert further_std(assessment, estimate) == (inf, inf)
+
+
+@pytest.mark.parametrize("way", ["of the wrong sign", "stuck below 0"])
+def test_efforts_that_no_curve_has_leave_a_peak_unknown(way: str) -> None:
+    samples = make_samples(np.random.default_rng(1), 9.0)
+    if way == "stuck below 0":
+        slip, adhesion = np.abs(samples.slip), np.full(len(samples), -0.2)
+    else:
+        slip, adhesion = samples.slip, -samples.adhesion
+    found = run(doubting(), replace(samples, slip=slip, adhesion=adhesion), 0.1)
+    assert len(found) > 80
+    assert not any(one.identifiable.mu_max or one.identifiable.lambda_m for one in found)

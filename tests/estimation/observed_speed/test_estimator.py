@@ -65,6 +65,8 @@ class Drive:
 
     def __init__(self, seed=0, *, gnss=False):
         self.gnss, self.gnss_us = gnss, 0
+        self.error = 0.0
+        """Error of the speed by satellites, m/s."""
         self.rng = np.random.default_rng(seed)
         self.estimator = ObservedSpeedEstimator(
             Kept, Locomotive(), ObservedSpeedSettings(), CYCLE_US, largest_std=0.3, tests_curve=True
@@ -84,7 +86,7 @@ class Drive:
             samples = row_of(self.t_us, slips, adhesion, reference=1 + 0.02 * self.rng.random())
             samples = samples.select(~np.isin(samples.axle, lost))
             if self.gnss and self.t_us % 1_000_000 == 0:
-                self.gnss_us, self.seen = self.t_us, SPEED + self.rng.normal(0, 0.02)
+                self.gnss_us, self.seen = self.t_us, SPEED + self.error + self.rng.normal(0, 0.02)
             if self.gnss:
                 samples = with_aids(
                     samples, gnss_speed_mps=self.seen, gnss_speed_us=self.gnss_us, other=1.0
@@ -221,6 +223,36 @@ def test_a_short_gap_is_bridged_and_a_longer_one_starts_again(known):
     assert drive.run(0.5).objection is Objection.NO_RELIEF
 
 
+@pytest.mark.parametrize("lost", [(3,), (1, 2, 3, 4, 5, 6)])
+def test_without_samples_of_an_axle_the_speed_is_not_known_and_nothing_piles_up(known, lost):
+    drive = deepcopy(known[0])
+    estimate = drive.run(3.0, lost=lost)
+    assert estimate.objection is Objection.NO_RELIEF
+    assert estimate.observed_speed is None
+    assert not estimate.identifiable.mu_max
+    observer = drive.estimator._observer
+    assert len(observer._waiting) <= 6 * 101
+    assert max(map(len, observer._rows._waiting)) <= 101
+    # It comes back, and the next relief counts.
+    assert drive.run(1.0).observed_speed == pytest.approx(SPEED, rel=0.02)
+    for axle in (1, 3, 5):
+        estimate = drive.relieve(axle)
+    assert estimate.objection is Objection.NONE
+
+
+@pytest.mark.parametrize("cycle_us", [10_000, 60_000, 150_000])
+def test_one_lost_row_is_bridged_however_seldom_they_come(cycle_us):
+    observer = SpeedObserver(Locomotive(), ObservedSpeedSettings(), cycle_us)
+    rows = [k * cycle_us for k in range(60) if k != 40]
+    for t_us in rows:
+        observer.add(row_of(t_us, [SLIP] * 6))
+        observer.expire(t_us + 2 * cycle_us)
+        if t_us == 39 * cycle_us:
+            before = observer._filter
+    assert observer.block is not None
+    assert observer._filter is before
+
+
 def test_rows_pair_the_samples_of_one_cycle():
     rows = AxleRows(6, CYCLE_US)
     slips = np.arange(6) / 1000
@@ -283,6 +315,22 @@ def test_a_speed_by_satellites_shows_the_slips_without_a_relief():
     # It ends: what it has shown holds for some seconds, then a relief is missing.
     drive.gnss = False
     assert drive.run(8.0).objection is Objection.NO_RELIEF
+
+
+@pytest.mark.parametrize("shown", [0.0, 0.8, 1.1 * SPEED, 60.0])
+def test_a_speed_by_satellites_that_cannot_be_is_not_used(shown):
+    """A receiver without a fix sends 0, or what it likes."""
+    drive = Drive(gnss=True)
+    drive.run(2.0)
+    drive.run(5.0, relieved=list(range(6)))
+    assert drive.run(3.0).objection is Objection.NONE
+    drive.error = shown - SPEED
+    estimate = drive.run(4.0)
+    assert estimate.observed_speed == pytest.approx(SPEED, rel=0.005)
+    assert drive.run(4.0).objection is Objection.NO_RELIEF
+    # The receiver has its fix again.
+    drive.error = 0.0
+    assert drive.run(1.5).objection is not Objection.NO_RELIEF
 
 
 def test_a_speed_between_two_blocks():
