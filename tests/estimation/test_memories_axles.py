@@ -162,6 +162,68 @@ def test_a_copy_is_not_changed_by_what_the_original_draws_and_shares_its_curves(
     assert not np.array_equal(twin._all.at_x, ours._all.at_x)
 
 
+def two_rails(leader):
+    """Memories of which the longest holds another rail than the others, and the i-th leads."""
+    ours = begun(WET)
+    rng = np.random.default_rng(2)
+    h = rng.uniform(0, 0.2, 400)
+    ours._sums[0] = sums_of(h, adhesion(h, *DRY) + 0.01 * rng.standard_normal(400))
+    ours._draw(0)
+    ours._probability = [0.1] * 3
+    ours._probability[leader] = 0.8
+    ours._weigh()
+    return ours
+
+
+def test_a_shorter_memory_of_another_rail_is_a_lag_of_the_leading_one():
+    """By the distance of the means, where it is more than two of the shorter one's deviations."""
+    found = two_rails(0).lag()
+    ours = two_rails(0)
+    for k, name in enumerate(("mu_max", "lambda_m")):
+        long, short = (getattr(ours._curves[i], name) for i in (0, 1))
+        means = [np.average(values, weights=ours._weights[i])
+                 for i, values in ((0, long), (1, short))]  # fmt: skip
+        std = np.sqrt(np.cov(short, aweights=ours._weights[1], ddof=0))
+        distance = abs(means[0] - means[1])
+        assert found[k] == pytest.approx(distance if distance > 2 * std else 0.0)
+    assert found[0] > 0.05
+
+
+@pytest.mark.parametrize("leader", [1, 2])
+def test_memories_of_one_rail_and_the_shortest_one_have_no_lag(leader):
+    assert two_rails(leader).lag() == (0.0, 0.0)
+
+
+def test_a_lag_within_the_shorter_memorys_own_uncertainty_is_none():
+    ours = two_rails(0)
+    size = len(ours._weights[1])
+    ours._weights = ours._weights.copy()
+    ours._weights[1] = 1.0 / size
+    values = ours._curves[1].mu_max
+    middle, std = values.mean(), values.std()
+    for stds, shown in ((1.9, 0.0), (2.1, 2.1 * std)):
+        object.__setattr__(ours._curves[0], "mu_max", np.full(size, middle + stds * std))
+        assert ours.lag()[0] == pytest.approx(shown)
+
+
+def test_a_longest_memory_that_is_nearly_sure_has_no_lag():
+    ours = two_rails(0)
+    ours._probability = [0.95, 0.04, 0.01]
+    assert ours.lag() == (0.0, 0.0)
+    ours._probability = [0.85, 0.1, 0.05]
+    assert ours.lag()[0] > 0.0
+
+
+@pytest.mark.parametrize(("share", "anew"), [(0.69, True), (0.71, False)])
+def test_curves_are_drawn_anew_where_a_memory_has_lost_three_tenths_of_its_samples(share, anew):
+    ours = begun()
+    before = list(ours._curves)
+    ours._sums *= share
+    ours._costs *= share
+    ours.refresh()
+    assert all((now is not was) is anew for now, was in zip(ours._curves, before, strict=True))
+
+
 def test_one_memory_has_nothing_to_choose():
     ours = begun(chosen=ONE_MEMORY)
     np.testing.assert_array_equal(ours._probability, [1.0])

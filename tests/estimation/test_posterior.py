@@ -24,6 +24,8 @@ from adhesion_can.estimation.tracker.posterior import (
     join_curves,
     log_weights,
     normalise,
+    summarise,
+    widened_interval,
 )
 from adhesion_can.estimation.tracker.prior import (
     FREEDOM,
@@ -383,3 +385,63 @@ def test_no_sums_at_all_give_the_prior():
         low, middle, high = summary(ours, weights)[2:]
         share = [(theirs <= low).mean(), (theirs <= middle).mean(), (theirs < high).mean()]
         np.testing.assert_allclose(share, [0.05, 0.5, 0.95], atol=0.02)
+
+
+# ---------------------------------------------------------------------------------------- summary
+
+
+def weighed(seed, learned=()):
+    """Curves drawn from the prior, and weights of many sizes."""
+    curves = draw(np.zeros(LENGTH), NOISE, Prior(PriorSettings(), learned), SLIP_MAX, 64)
+    weights = np.random.default_rng(seed).exponential(size=64) ** 3
+    return curves, weights / weights.sum()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_summary_has_the_moments_and_quantiles_of_the_weighted_curves(seed):
+    curves, weights = weighed(seed)
+    found = summarise(curves, weights)
+    c1, c2, c3 = curves.theta.T
+    whole = peak(c1, c2, c3, 1e9)
+    np.testing.assert_allclose(
+        found.covariance, np.cov(curves.theta.T, aweights=weights, ddof=0), rtol=1e-9
+    )
+    assert found.fall == pytest.approx(np.average(c3, weights=weights))
+    for var, values in ((found.mu_max_var, curves.mu_max), (found.lambda_m_var, curves.lambda_m)):
+        assert var == pytest.approx(np.cov(values, aweights=weights, ddof=0))
+    assert found.effective == pytest.approx(1 / np.sum(weights**2))
+
+    def quantile(values, probability):
+        order = np.argsort(values)
+        ends = np.cumsum(weights[order])
+        return np.interp(probability, ends - weights[order] / 2, values[order])
+
+    for told, values in (
+        (found.mu_m, whole.mu_max),
+        (found.slip_m, whole.lambda_m),
+        (found.shape, c2 * whole.lambda_m),
+    ):
+        assert told == pytest.approx(quantile(values, 0.5))
+    for told, values in ((found.mu_max, curves.mu_max), (found.lambda_m, curves.lambda_m)):
+        assert told == pytest.approx([quantile(values, p) for p in (0.05, 0.5, 0.95)])
+
+
+@pytest.mark.parametrize("heaviest", [0, -1])
+def test_quantiles_within_the_outermost_curve_are_its_own(heaviest):
+    curves, _ = weighed(1)
+    order = np.argsort(curves.mu_max)
+    weights = np.full(64, 0.01 / 63)
+    weights[order[heaviest]] = 0.99
+    found = summarise(curves, weights)
+    own = curves.mu_max[order[heaviest]]
+    assert found.mu_max[1] == pytest.approx(own, rel=0.05)
+    assert found.mu_max[0 if heaviest == 0 else 2] == own
+
+
+def test_an_interval_is_widened_on_each_side_by_an_independent_error():
+    """By 1.645 standard deviations of it, in squares."""
+    low, high = widened_interval((0.2, 0.3, 0.5), 0.1)
+    more = stats.norm.ppf(0.95) * 0.1  # in four digits there
+    assert 0.3 - low == pytest.approx(np.sqrt(0.1**2 + more**2), rel=1e-3)
+    assert high - 0.3 == pytest.approx(np.sqrt(0.2**2 + more**2), rel=1e-3)
+    assert widened_interval((0.2, 0.3, 0.5), 0.0) == pytest.approx((0.2, 0.5))
