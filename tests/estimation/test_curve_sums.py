@@ -29,7 +29,7 @@ from adhesion_can.estimation.tracker.layout import (
     X_NODES,
     X_RANGE,
 )
-from adhesion_can.estimation.tracker.points import OutlierGate, build_points
+from adhesion_can.estimation.tracker.points import build_points
 from adhesion_can.physics.burckhardt import adhesion, adhesion_slope
 from adhesion_can.physics.samples import Sample, Samples
 
@@ -322,23 +322,3 @@ def test_samples_between_two_vehicle_speeds_are_one_group():
         sample(s, s, slip_common_var=1e-6, speed_us=t) for s, t in zip(slips, stamps, strict=True)
     ]
     np.testing.assert_array_equal(build_points(Samples.from_rows(rows)).group, [0, 0, 1, 1, 1])
-
-
-# ------------------------------------------------------------------------------------- glitches
-
-
-def test_gate_leaves_out_one_axle_alone_and_then_believes_it():
-    gate, axle = OutlierGate(), np.repeat(np.arange(1, 7), 2)
-    size = np.where(axle == 3, 20.0, 1.0)
-    for _ in range(OutlierGate.PATIENCE):
-        np.testing.assert_array_equal(gate.passes(size, axle), axle != 3)
-    assert gate.passes(size, axle) is None
-    assert gate.passes(np.ones(12), axle) is None
-    assert gate.passes(size, axle) is not None
-
-
-def test_gate_passes_outliers_of_several_axles_or_with_too_few_axles():
-    axle = np.repeat(np.arange(1, 7), 2)
-    assert OutlierGate().passes(np.where(axle <= 2, 20.0, 1.0), axle) is None
-    assert OutlierGate().passes(np.full(12, 20.0), axle) is None
-    assert OutlierGate().passes(np.array([20.0, 1.0]), np.array([1, 2])) is None

@@ -11,9 +11,13 @@ from hypothesis import strategies as st
 from adhesion_can.estimation.tracker.axle_deviations import AxleDeviations
 from adhesion_can.estimation.tracker.curve_sums import Points
 from adhesion_can.estimation.tracker.increment import increment
-from adhesion_can.estimation.tracker.layout import CORRECTED
+from adhesion_can.estimation.tracker.layout import CORRECTED, DOF
 from adhesion_can.estimation.tracker.memories import FadingMemories
-from adhesion_can.estimation.tracker.posterior import NoisePrior
+from adhesion_can.estimation.tracker.posterior import (
+    NoisePrior,
+    log_weights,
+    normalise,
+)
 from adhesion_can.estimation.tracker.prior import Prior
 from adhesion_can.estimation.tracker.settings import (
     AxleSettings,
@@ -160,6 +164,14 @@ def test_a_copy_is_not_changed_by_what_the_original_draws_and_shares_its_curves(
     for one, other in zip(twin.predict(more), reference.predict(more), strict=True):
         assert np.array_equal(one, other)
     assert not np.array_equal(twin._all.at_x, ours._all.at_x)
+
+
+def test_curves_are_weighed_by_students_t_of_their_costs():
+    ours = begun()
+    ours._weigh()
+    for i, curves in enumerate(ours._curves):
+        wanted = log_weights(curves.log_base, ours._costs[i], ours._sums[i, DOF], ours.noise)
+        np.testing.assert_allclose(ours._weights[i], normalise(wanted), rtol=1e-9, atol=1e-15)
 
 
 def two_rails(leader):
@@ -376,6 +388,20 @@ def test_little_data_shrink_to_the_pool():
     one = AxleDeviations(AxleSettings())
     one.add(*deviating(np.random.default_rng(1), 12, level=0.5, slip=0.02, sd=0.005))
     assert abs(told[2][0] - 0.37) < abs(one.estimate(0.37, 0.07, 1.0, 0.005**2)[2][0] - 0.37)
+
+
+def test_what_fades_counts_as_much_less():
+    """By e^(−t/60 s), and by the further share: as samples of that weight."""
+    axles, *columns = deviating(np.random.default_rng(1), 40, level=0.05)
+    faded, lighter = AxleDeviations(AxleSettings()), AxleDeviations(AxleSettings())
+    faded.add(axles, *columns)
+    faded.fade(45.0, 0.5)
+    faded.fade(15.0)
+    lighter.add(axles, *columns[:-1], 0.5 * np.exp(-1.0) * columns[-1])
+    told, wanted = (one.estimate(0.37, 0.07, 1.0, 1e-4) for one in (faded, lighter))
+    assert told.keys() == wanted.keys()
+    for axle, peaks in told.items():
+        assert peaks == pytest.approx(wanted[axle])
 
 
 def test_what_was_seen_of_an_axle_fades_to_the_pool():
