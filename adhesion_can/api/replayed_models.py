@@ -1,4 +1,7 @@
-"""Models that a service with `--learn apply` changed to, as their logs have it."""
+"""What a service knew or changed beside its frames, as its logs have it.
+
+These are the surfaces that `--state` had kept, and the models that `--learn apply` changed to.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -10,32 +13,41 @@ from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.samples import Samples
+from adhesion_can.plurals import counted
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.sampling.column_former import Readings
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.correcting_core import CorrectingCore
-from adhesion_can.service.model_changes import read_model_changes
+from adhesion_can.service.kept_state import read_kept_curves, with_surfaces
+from adhesion_can.service.model_changes import ModelChange, read_model_changes
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
 
 
 class ReplayedModels:
-    """Changes of the model in some logs.
+    """Kept surfaces, and changes of the model, in some logs.
+
+    A log of another start of the service begins with the plain curve; one that it began later, at a
+    signal, begins with the latest change.
 
     Args:
         recordings: The logs.
 
     Raises:
-        RecordingError: A change is damaged.
+        RecordingError: A change, or what was kept, is damaged.
 
     """
 
     def __init__(self, recordings: Sequence[Recording]) -> None:
-        self._changes = [
-            change
-            for recording in recordings
-            for change in read_model_changes(recording.comments(), str(recording.path))
-        ]
+        self._changes: list[ModelChange] = []
+        for recording in recordings:
+            found = list(read_model_changes(recording.comments(), str(recording.path)))
+            begin_us = _begin_us(recording) if self._changes else None
+            if begin_us is not None and not (found and found[0].t_us <= begin_us):
+                self._changes.append(ModelChange(begin_us, None))
+            self._changes += found
+        first = recordings[0]
+        self._kept = read_kept_curves(first.comments(), str(first.path))
         self._taken: list[tuple[int, ExtendedModel | None]] = []
 
     @property
@@ -64,6 +76,7 @@ class ReplayedModels:
             ConfigError: A model needs a channel or an axle that the configuration lacks.
 
         """
+        config = with_surfaces(config, self._kept)
         if self.is_fixed:
             make = partial(config.make_estimator, estimator)
             return ServiceCore(config, make, on_setpoint, on_samples, on_readings)
@@ -104,22 +117,32 @@ class ReplayedModels:
         return replay(items, core, send, from_s=from_s, to_s=to_s, realtime=realtime)
 
     def sentences(self, first_us: int) -> Iterator[str]:
-        """Which model took over when.
+        """What was known at the start, and which model took over when.
 
         Args:
             first_us: Stamp of the first frame, µs.
 
         """
+        if self._kept:
+            yield f"The service began with {counted(len(self._kept), 'kept surface')}."
         for t_us, model in self._taken:
             name = "the plain curve" if model is None else f"the model {', '.join(model.names)}"
             yield f"From {(t_us - first_us) / 1e6:.3f} s on the service used {name}."
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as JSON has it; nothing where the model is the same throughout."""
+        """The same as JSON has it; nothing where nothing was kept and no model changed."""
+        kept = {"kept_surfaces": len(self._kept)} if self._kept else {}
         if self.is_fixed:
-            return {}
+            return kept
         taken = [
             {"from_s": t_us / 1e6, "effects": [] if model is None else list(model.names)}
             for t_us, model in self._taken
         ]
-        return {"models": taken}
+        return {**kept, "models": taken}
+
+
+def _begin_us(recording: Recording) -> int | None:
+    """Stamp of the first frame, µs; None where there is none."""
+    # Another reader: the statistics of the first one count each frame once.
+    block = next(Recording(recording.path).blocks(), None)
+    return int(block.t_ns[0]) // 1000 if block is not None and len(block) else None

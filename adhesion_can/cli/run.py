@@ -6,13 +6,11 @@ import signal
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO, cast
-
-import numpy as np
 
 from adhesion_can.cli.bus_options import add_bus, add_wait, bus_opener
 from adhesion_can.cli.common import (
@@ -35,18 +33,20 @@ from adhesion_can.cli.outputs import (
 from adhesion_can.cli.run_learning import RunLearning, add_learning, start_learning
 from adhesion_can.cli.silence import SilenceWatch, bus_name, name_inputs, nothing_received
 from adhesion_can.cli.stderr_behind import stderr_behind
-from adhesion_can.config import Configuration
+from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.reporting.provenance import provenance
 from adhesion_can.service.behind import done_within
+from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.counters import read_counters
 from adhesion_can.service.file_lock import file_lock
 from adhesion_can.service.frame_log import LogBehind
-from adhesion_can.service.kept_state import KeptState
+from adhesion_can.service.kept_state import KeptState, kept_curves_to_lines, with_surfaces
 from adhesion_can.service.live import LiveService
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.reconnecting_bus import ReconnectingBus
 from adhesion_can.service.service_manager import ServiceManager
 from adhesion_can.service.state_file import read_state
+from adhesion_can.service.state_keeper import StateKeeper
 from adhesion_can.service.written_behind import WrittenBehind, longest_end_s
 
 
@@ -128,14 +128,15 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
         if options.state:
             stack.enter_context(file_lock(options.state, f"--state {options.state}"))
         outputs = stack.enter_context(WrittenBehind(narrator.warn))
-        if options.state:
-            state = read_state(config, options.state, narrator.warn)
-            config = _resumed(config, state)
-            keeper = outputs.keep(options.state, state, config.service.state_interval_s)
-            observers.append(keeper.observe)
+        path = options.state
+        state = read_state(config, path, narrator.warn) if path else KeptState("")
+        config = with_surfaces(config, state.curves)
         learning = start_learning(options, config, stack, narrator)
         manager = ServiceManager(os.environ)
         core = learning.make_core(config, partial(tell_all, observers))
+        if path:
+            keeper = outputs.keep(path, state, config.service.state_interval_s)
+            observers.append(partial(_keep, keeper, core, config.model))
         bus = ReconnectingBus(
             bus_opener(options), core.ids, narrator.warn, wait_for_it=options.wait
         )
@@ -153,6 +154,8 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             notify=narrator.warn,
             each_turn=lambda: _look_around(manager, silence, service, learning),
         )
+        if log is not None and state.curves:
+            log.write(kept_curves_to_lines(service.clock(), state.curves))
         if options.metrics is not None:
             address = serve_metrics(stack, options.metrics, service, log, learning.metrics)
             narrator.print(f"metrics at {address}")
@@ -189,6 +192,18 @@ def _serve(options: argparse.Namespace, narrator: Narrator, *, has_terminal: boo
             "nothing was identified; check the bus, the bitrate and [roles]"
         )
     return _Ending(outputs.all_ended and json_written, 1 if is_deaf else 0)
+
+
+def _keep(
+    keeper: StateKeeper,
+    core: ServiceCore,
+    model: ExtendedModel | None,
+    t_us: int,
+    outputs: Outputs,
+) -> None:
+    """Keep what is learned with the model of the start: a state belongs to one model."""
+    if core.configuration.model == model:
+        keeper.observe(t_us, outputs)
 
 
 def _describe_run(service: LiveService, log: LogBehind | None) -> dict[str, Any]:
@@ -240,22 +255,3 @@ def _look_around(
     manager.alive()
     silence.look(heard=service.counts.received > 0)
     learning.look()
-
-
-def _resumed(config: Configuration, state: KeptState) -> Configuration:
-    """Configuration that knows the surfaces of a state; nothing is sent of them before new data.
-
-    For the tracker they are surfaces that may come again; a search starts at the latest one.
-    """
-    if not state.curves:
-        return config
-    settings = config.estimators
-    search = settings.evolution
-    theta0 = tuple(np.clip(state.curves[-1], search.lower, search.upper).tolist())
-    surfaces = tuple(curve for curve in state.curves if curve[2] > 0)
-    settings = replace(
-        settings,
-        evolution=replace(search, theta0=theta0),
-        tracker=replace(settings.tracker, known_surfaces=surfaces),
-    )
-    return replace(config, estimators=settings)

@@ -23,6 +23,7 @@ from adhesion_can.service.outputs import Outputs
 if TYPE_CHECKING:
     from adhesion_can.learning.application import AppliedModels
     from adhesion_can.learning.companion import LearningCompanion
+    from adhesion_can.learning.report import LearningReport
 
 
 def add_learning(parser: argparse.ArgumentParser) -> None:
@@ -48,6 +49,24 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
     )
 
 
+UNCHECKED_S = 300.0
+"""Time of readings that did not reach the learner from which a model in use is taken back, s."""
+
+
+class _Unchecked:
+    """Readings that were lost since the latest report of a learner."""
+
+    def __init__(self) -> None:
+        self._report: LearningReport | None = None
+        self._lost_s = 0.0
+
+    def is_too_long(self, companion: "LearningCompanion") -> bool:
+        """Whether a model in use was not checked for too long."""
+        if companion.report is not self._report:
+            self._report, self._lost_s = companion.report, companion.lost_s
+        return companion.lost_s - self._lost_s > UNCHECKED_S
+
+
 class RunLearning:
     """What `run` does about a learner: starts it, reports its news, and ends it.
 
@@ -69,7 +88,9 @@ class RunLearning:
         self._companion = companion
         self._applied = applied
         self._has_new_log = False
-        self._restarts = 0
+        self._ends = 0
+        """Number of ends of the learning process that were noticed."""
+        self._unchecked = _Unchecked()
         self._core: ServiceCore | None = None
         self._log: LogBehind | None = None
         self._narrator = narrator
@@ -121,10 +142,12 @@ class RunLearning:
                 self._has_new_log = False
                 self._applied.log_again()
             self._say(self._applied.take_news())
-            if self._companion.restarts != self._restarts:
-                self._restarts = self._companion.restarts
-                if self._applied.take_back():
-                    self._say("the model was not checked while the learning process was down")
+            ends = self._companion.restarts + self._companion.failures
+            if ends != self._ends:
+                self._ends = ends
+                self._take_back("while the learning process was down")
+            elif self._unchecked.is_too_long(self._companion):
+                self._take_back("as the learning process got no time")
         news = self._companion.take_news()
         if news is None:
             return
@@ -133,6 +156,11 @@ class RunLearning:
             self._say(self._applied.follow(news))
         elif news.state == "confirmed" and news.path:
             self._say(f"to use it, type: {command_with_model(self._argv, news.path)}")
+
+    def _take_back(self, why: str) -> None:
+        """Go back to the plain curve where a model was in use that nobody checks."""
+        if self._applied is not None and self._applied.take_back():
+            self._say(f"the model was not checked {why}")
 
     def _say(self, line: str) -> None:
         """Tell the operator and the log; '' says nothing."""

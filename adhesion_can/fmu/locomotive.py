@@ -23,7 +23,6 @@ from adhesion_can.fmu.variables import (
     available,
     enumerated,
     in_order,
-    known,
 )
 from adhesion_can.physics.readings import Role
 from adhesion_can.physics.status import Status
@@ -110,6 +109,7 @@ class LocomotiveSlave:
         """Simulate until the last whole step of 2 ms, as `Slave.step` defines it."""
         del from_us  # where the run has come to is known
         simulation = self._simulation
+        creep_speed = values["creep_speed_setpoint"]
         efforts = {axle: values[f"effort_demand_{axle}"] for axle in self._axles}
         self._is_demanded = self._is_demanded or any(map(isfinite, efforts.values()))
         while simulation.now_us + STEP_US <= until_us - self._start_us:
@@ -117,7 +117,7 @@ class LocomotiveSlave:
                 simulation.demand_efforts(efforts)
             simulation.take_setpoint(
                 known=values["status"] == Status.TRACKING,
-                creep_speed=known(values["creep_speed_setpoint"]),
+                creep_speed=creep_speed if isfinite(creep_speed) else None,
             )
             self._receive(simulation.step())
         return self._outputs()

@@ -6,6 +6,7 @@ what was read before its due time, as on a bus.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from math import isfinite
 
 from adhesion_can.config import Configuration
 from adhesion_can.fmu.signals import cycle_variable, group_signals, signal_variable
@@ -20,7 +21,6 @@ from adhesion_can.fmu.variables import (
     available,
     enumerated,
     in_order,
-    known,
 )
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.objection import Objection
@@ -47,6 +47,11 @@ class ReadingsCore(ServiceCore):
             self.emit(t_us, self._inputs.snapshot)
         self._inputs.add(readings)
         self.use_speed_source(self._inputs.speed_source)
+
+
+def _finite(value: float) -> float | None:
+    """A reading; None where it is not available, or what no bus can carry."""
+    return value if isfinite(value) else None
 
 
 class ServiceSlave:
@@ -100,7 +105,7 @@ class ServiceSlave:
     def step(self, from_us: int, until_us: int, values: Values) -> Values:
         """Feed the readings that are due and advance, as `Slave.step` defines it."""
         readings = [
-            Reading(from_us, key.role, key.axle, known(values[self._names[key]]))
+            Reading(from_us, key.role, key.axle, _finite(values[self._names[key]]))
             for group, cycle in zip(self._groups, self._cycles, strict=True)
             if cycle.is_due(from_us, until_us)
             for key in group.keys

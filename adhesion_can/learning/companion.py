@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from queue import Empty, SimpleQueue
 from typing import IO, NamedTuple
 
@@ -73,6 +74,8 @@ class LearningCompanion:
         """Latest report of the child."""
         self.restarts = 0
         """Number of times that the child was started again."""
+        self.failures = 0
+        """Number of times that it could not be."""
         self._task = task
         self._notify = notify
         self._command = command
@@ -161,6 +164,9 @@ class LearningCompanion:
     def _start(self) -> None:
         """Start the child, and the thread that reads its reports."""
         self._started_s = time.monotonic()
+        # It begins anew: what is left of the one before are the counts.
+        before = self.report
+        self.report = LearningReport(examined=before.examined, proposed=before.proposed)
         self._process = process = subprocess.Popen(  # noqa: S603  our own program
             self._command,
             stdin=subprocess.PIPE,
@@ -182,6 +188,7 @@ class LearningCompanion:
             try:
                 self._start()
             except OSError as error:
+                self.failures += 1
                 self._notify(
                     f"--learn: the learning process cannot be started: {error}; it is tried again "
                     f"in {self._restart_s:g} s"
@@ -217,14 +224,19 @@ class LearningCompanion:
 
     def _read(self, process: subprocess.Popen[bytes]) -> None:
         """Read reports until the child ends; say once that one has died."""
-        last = LearningReport()
+        last, before = LearningReport(), self.report
         if process.stdout is not None:
             with process.stdout as lines:
                 for line in lines:
                     last = LearningReport.from_line(line.decode("utf-8"))
-                    self.report = last
-                    # A failure is told below, once.
-                    if last.news and not last.is_failure:
+                    if last.is_failure:
+                        break  # told below, once
+                    self.report = last = replace(
+                        last,
+                        examined=before.examined + last.examined,
+                        proposed=before.proposed + last.proposed,
+                    )
+                    if last.news:
                         self._news.put(last)
         status = process.wait()
         if process.stdin is not None:

@@ -122,7 +122,7 @@ class CorrectingCore(ServiceCore):
         model = beside.configuration.model
         if model == self.model:
             return inputs
-        beside.begin(t_us, self._fault_us)
+        beside.begin(t_us, self._fault_us, self._shared)
         if model is None:
             self._take_over(beside, t_us)
             return self._inputs.snapshot(t_us)
@@ -169,10 +169,19 @@ class _CoreBeside(ServiceCore):
         self.since_us = 0
         """Time from which it runs, µs."""
 
-    def begin(self, t_us: int, fault_us: int | None) -> None:
-        """Begin at a due time, µs, with the time of the first core's latest fault, µs."""
+    def begin(self, t_us: int, fault_us: int | None, inputs: FrameInputs) -> None:
+        """Begin where the first core is.
+
+        Args:
+            t_us: Due time, µs.
+            fault_us: Time of the first core's latest fault, µs; None where it had none.
+            inputs: Its inputs: a source of the speed that was said once holds here, too.
+
+        """
         self.since_us = t_us
         self._inputs.start(t_us)
+        self._inputs.speed, self._inputs.speed_source = inputs.speed, inputs.speed_source
+        self.use_speed_source(inputs.speed_source)
         if fault_us is not None:
             self.hold_fault(fault_us)
 

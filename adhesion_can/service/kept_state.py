@@ -6,17 +6,23 @@ old are left out.
 """
 
 import json
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from math import isfinite
 from operator import gt
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from adhesion_can.config import Configuration
+from adhesion_can.errors import RecordingError
 from adhesion_can.estimation.extended.model import LARGEST_BASE
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
+from adhesion_can.printable import printable
+from adhesion_can.service.log_comments import format_comment, format_stamp, read_comments
 from adhesion_can.service.outputs import Outputs
 
 FORMAT, VERSION = "adhesion-can state", 1
@@ -28,6 +34,9 @@ LATEST_US = 1 << 62
 """Latest time that a clock can show, µs since the epoch."""
 SAME_SURFACE_US = 500_000
 """Change of the time since when a surface is there, µs, that makes no other surface of it."""
+
+
+_COMMENT = "adhesion-can-surfaces"
 
 
 class StateError(ValueError):
@@ -90,6 +99,55 @@ class KeptState:
             return self
         surfaces = (*others, KeptSurface(outputs.theta, since_us, t_us))
         return replace(self, surfaces=surfaces[-MOST_SURFACES:])
+
+
+def with_surfaces(configuration: Configuration, curves: Sequence[CurveParameters]) -> Configuration:
+    """Configuration that knows surfaces, the latest last; nothing is sent of them before new data.
+
+    For the tracker they are surfaces that may come again; a search starts at the latest one.
+    """
+    if not curves:
+        return configuration
+    settings = configuration.estimators
+    search = settings.evolution
+    theta0 = tuple(np.clip(curves[-1], search.lower, search.upper).tolist())
+    settings = replace(
+        settings,
+        evolution=replace(search, theta0=theta0),
+        tracker=replace(
+            settings.tracker, known_surfaces=tuple(curve for curve in curves if curve[2] > 0)
+        ),
+    )
+    return replace(configuration, estimators=settings)
+
+
+def kept_curves_to_lines(t_us: int, curves: Sequence[CurveParameters]) -> str:
+    """A comment for the service's log, so that a replay begins with the same; '' without any."""
+    text = json.dumps(curves, separators=(",", ":"))
+    return format_comment(format_stamp(t_us), _COMMENT, text) if curves else ""
+
+
+def read_kept_curves(comments: Iterable[bytes], where: str) -> tuple[CurveParameters, ...]:
+    """Curves with which a service began, as its log has them; none where it had none.
+
+    Args:
+        comments: Comment lines of the log, or all its lines.
+        where: Name of the log, for errors.
+
+    Raises:
+        RecordingError: They are damaged.
+
+    """
+    try:
+        for comment in read_comments(comments, _COMMENT):
+            return _curves(json.loads(comment.text))
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise RecordingError(
+            where,
+            f"the surfaces with which the service began are damaged: {printable(str(error))}",
+            "copy the log again, or delete that line: other setpoints come out then",
+        ) from error
+    return ()
 
 
 def fingerprint(configuration: Configuration) -> str:
@@ -173,13 +231,28 @@ def _checksum(document: Any) -> str:
     return sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
 
 
-def _surface(table: Any) -> KeptSurface:
-    c1, c2, c3 = (float(table[name]) for name in ("c1", "c2", "c3"))
+_CURVE = ("c1", "c2", "c3")
+
+
+def _curve(table: Any) -> CurveParameters:
+    c1, c2, c3 = (float(table[name]) for name in _CURVE)
     if not (all(map(isfinite, (c1, c2, c3))) and c1 > 0 and c2 > 0 and 0 <= c3 < c1 * c2):
         raise ValueError("no curve")
     if any(map(gt, (c1, c2, c3), LARGEST_BASE)):
         raise ValueError("a curve that no wheel/rail contact has")
+    return c1, c2, c3
+
+
+def _curves(rows: Any) -> tuple[CurveParameters, ...]:
+    """Curves from a list of lists, the first `MOST_SURFACES`."""
+    if not isinstance(rows, list):
+        raise TypeError("no list of curves")
+    return tuple(_curve(dict(zip(_CURVE, row, strict=True))) for row in rows[:MOST_SURFACES])
+
+
+def _surface(table: Any) -> KeptSurface:
+    theta = _curve(table)
     since_us, seen_us = (int(table[name]) for name in ("since_us", "seen_us"))
     if max(abs(since_us), abs(seen_us)) > LATEST_US:
         raise ValueError("no time")
-    return KeptSurface((c1, c2, c3), since_us, seen_us)
+    return KeptSurface(theta, since_us, seen_us)

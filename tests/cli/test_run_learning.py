@@ -158,3 +158,51 @@ def test_monitor_names_what_was_learned(tmp_path):
 def test_monitor_needs_a_folder(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         LearnedFolder(tmp_path / "missing")
+
+
+class Followed:
+    """A learner whose model is in use, and what the operator hears of it."""
+
+    def __init__(self):
+        self.kept = Narrated()
+        self.companion = SimpleNamespace(
+            take_news=lambda: None, restarts=0, failures=0, lost_s=0.0, report=LearningReport()
+        )
+        self.taken_back = 0
+        self.learning = RunLearning(self.companion, self.kept, [], self)
+
+    def take_back(self):
+        self.taken_back += 1
+        return True
+
+    def take_news(self):
+        return ""
+
+
+@pytest.mark.parametrize("count", ["restarts", "failures"])
+def test_a_model_that_nobody_checks_is_taken_back(count):
+    followed = Followed()
+    followed.learning.look()
+    assert followed.taken_back == 0
+    setattr(followed.companion, count, 1)
+    followed.learning.look()
+    followed.learning.look()
+    assert followed.taken_back == 1
+    assert "was not checked while the learning process was down" in followed.kept.lines[0]
+
+
+def test_a_model_is_taken_back_where_the_learner_gets_no_time():
+    followed = Followed()
+    for lost_s, report, expected in (
+        (0.0, 1, 0),
+        (299.0, 1, 0),
+        (299.0, 2, 0),  # a report: it is alive
+        (598.0, 2, 0),
+        (600.0, 2, 1),
+    ):
+        followed.companion.lost_s = lost_s
+        if followed.companion.report.examined != report:
+            followed.companion.report = LearningReport(examined=report)
+        followed.learning.look()
+        assert followed.taken_back == expected
+    assert "got no time" in followed.kept.lines[0]

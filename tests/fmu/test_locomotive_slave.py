@@ -103,3 +103,17 @@ def test_a_parameter_that_cannot_be_is_named(config, name, value):
     slave = LocomotiveSlave(config)
     with pytest.raises(InputError, match=name):
         slave.setup({**starts(slave), name: value}, 0)
+
+
+def test_a_creep_speed_that_is_infinite_is_none(config):
+    found = [
+        stepped(
+            LocomotiveSlave(config),
+            {0: {"status": 1.0, "creep_speed_setpoint": value}},
+            500_000,
+            10_000,
+            scenario=1.0,
+        )
+        for value in (nan, np.inf)
+    ]
+    assert found[0][500_000] == found[1][500_000]

@@ -137,3 +137,17 @@ def test_without_efforts_there_is_no_service(config):
     few = tuple(one for one in config.choices if one.role is not Role.TRACTIVE_EFFORT)
     with pytest.raises(InputError, match="tractive effort"):
         ServiceSlave(replace(config, choices=few))
+
+
+@pytest.mark.parametrize("name", ["tractive_effort_1", "vehicle_speed", "wheel_speed_3"])
+@pytest.mark.parametrize("bad", [inf, -inf])
+def test_a_reading_that_is_infinite_once_is_one_that_is_not_available(config, drive, name, bad):
+    """As the quotient of another model's first step may be."""
+    changes = {t_us: readings_by_name(config, frames) for t_us, frames in drive.items()}
+    found = []
+    for value in (bad, nan):
+        spoiled = {t_us: dict(values) for t_us, values in changes.items()}
+        spoiled[1_000_000][name] = value
+        found.append(stepped(ServiceSlave(config), spoiled, 3_000_000, 10_000))
+    assert all(same(values, found[1][t_us]) for t_us, values in found[0].items())
+    assert all(abs(values["creep_speed_setpoint"]) != inf for values in found[0].values())

@@ -267,3 +267,18 @@ def is_dead(process_id):
         return Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except FileNotFoundError:
         return True
+
+
+def test_counts_go_on_where_a_process_is_started_again_and_its_state_does_not():
+    report = LearningReport(state=LearningState.CONFIRMED, found="low", examined=3, proposed=1)
+    program = f"print({report.to_line().strip()!r}, flush=True); raise SystemExit(3)"
+    with Started(program, restart_s=0.05) as started:
+        companion = started.companion
+        wait_until(lambda: companion.report.examined == 3)
+        companion._command = (sys.executable, "-c", DEAF)
+        while companion.restarts < 1:
+            assert started.send(2) < PUT_S
+            time.sleep(0.06)
+        wait_until(lambda: companion.report.state is LearningState.UNESTIMATED)
+        assert (companion.report.examined, companion.report.proposed) == (3, 1)
+        assert companion.report.found == ""

@@ -13,7 +13,7 @@ from adhesion_can.config import load_configuration
 from adhesion_can.errors import ConfigError
 from adhesion_can.estimation.extended.model import ExtendedModel
 from adhesion_can.physics.effects import ActiveEffect, effect_by_id
-from adhesion_can.physics.readings import Role
+from adhesion_can.physics.readings import Reading, Role, SpeedSource
 from adhesion_can.physics.status import Status
 from adhesion_can.service.core import ServiceCore
 from adhesion_can.service.correcting_core import WARM_US, CorrectingCore
@@ -200,3 +200,33 @@ def test_fault_is_held_for_its_whole_time_whichever_model_is_in_use(model):
         assert core.model == model
         later = [status for t_us, status in seen.items() if t_us > fault_us + 2_000_000]
         assert Status.FAULT not in later
+
+
+@pytest.mark.parametrize(
+    "changes", [[(3.0, model_of(-0.01))], [(0.5, model_of(-0.01)), (3.0, None)]]
+)
+def test_a_source_of_the_speed_that_was_said_once_holds_with_another_model(changes):
+    """Where it says that driven axles show the speed, nothing is ever TRACKING."""
+    begin, statuses = start_us(), []
+    core = CorrectingCore(
+        CONFIG,
+        [ModelChange(begin + round(1e6 * at_s), model) for at_s, model in changes],
+        on_setpoint=lambda _, outputs: statuses.append(outputs.status),
+    )
+    accept, said = core.receiver.accept, []
+
+    def once(frame):
+        found = accept(frame)
+        if not isinstance(found, list) or all(one.role is not Role.SPEED_SOURCE for one in found):
+            return found
+        kept = [one for one in found if one.role is not Role.SPEED_SOURCE]
+        if not said:
+            said.append(Reading(frame.t_us, Role.SPEED_SOURCE, 0, SpeedSource.DRIVEN_AXLES))
+            kept += said
+        return kept
+
+    core.receiver.accept = once
+    play(core)
+    assert core.speed_derived
+    assert Status.TRACKING not in statuses
+    assert Status.LOW_EXCITATION in statuses

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adhesion_can.cli.run import _resumed
 from adhesion_can.config import load_configuration
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.status import Status
@@ -26,6 +25,7 @@ from adhesion_can.service.kept_state import (
     fingerprint,
     state_from_text,
     state_to_text,
+    with_surfaces,
 )
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.state_keeper import StateKeeper
@@ -198,7 +198,7 @@ def test_another_vehicle_or_model_has_another_fingerprint():
 
 
 def test_a_service_knows_the_surfaces_and_a_search_begins_at_the_latest():
-    config = _resumed(load_configuration(), STATE)
+    config = with_surfaces(load_configuration(), STATE.curves)
     assert config.estimators.tracker.known_surfaces == (DRY, WET)
     assert config.estimators.evolution.theta0 == WET
 

@@ -8,6 +8,7 @@
 #include "fmi2.h"
 #include "process.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -205,7 +206,8 @@ static int path_of(const char *uri, char *path) {
     for (; *c; c++) {
         unsigned int byte = 0;
         if (n + 1 >= LONGEST_PATH) return -1;
-        if (*c == '%' && sscanf(c + 1, "%2x", &byte) == 1 && byte) {
+        if (*c == '%' && isxdigit((unsigned char)c[1]) && isxdigit((unsigned char)c[2]) &&
+            sscanf(c + 1, "%2x", &byte) == 1 && byte) {
             path[n++] = (char)byte;
             c += 2;
         } else {
