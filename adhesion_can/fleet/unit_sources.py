@@ -8,6 +8,7 @@ import numpy as np
 from adhesion_can.api.calibration import build_coasting_drive, require_calibration_signals
 from adhesion_can.api.diagnosis import LoadedInput, load_from_traces, load_inputs
 from adhesion_can.api.inputs import describe_left_out
+from adhesion_can.api.replayed_models import ReplayedModels
 from adhesion_can.api.samples import LoadedSamples, clean_samples, load_table_samples
 from adhesion_can.bus.block import Block
 from adhesion_can.calibration.fit import calibrate
@@ -29,8 +30,6 @@ from adhesion_can.recordings.problems import describe_problems
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import blocks_in_sequence
 from adhesion_can.recordings.tables.sample_table import SampleTable, read_table
-from adhesion_can.service.core import ServiceCore
-from adhesion_can.service.replay import replay_blocks
 
 EARLIEST, LATEST = (
     int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 1_000_000 for year in (2000, 2100)
@@ -129,9 +128,10 @@ class RecordingUnit:
 
     def replay(self) -> Row:
         """Columns of `replay`."""
-        config, statistics = self._config, SetpointStatistics()
-        core = ServiceCore(config, config.make_estimator, statistics.add)
-        replay_blocks(self._blocks(Recording(self.file.path)), core, lambda _: None)
+        recording, statistics = Recording(self.file.path), SetpointStatistics()
+        models = ReplayedModels([recording])
+        core = models.make_core(self._config, None, statistics.add)
+        models.run(self._blocks(recording), core, lambda _: None)
         return statistics.fields()
 
     def identify(self) -> BatchResult | None:

@@ -102,7 +102,8 @@ def build_library(name: str) -> bytes:
     target = PLATFORMS[name]
     compilers = _find_compilers(target)
     sources = [*sorted(SOURCE.glob("*.h")), *(SOURCE / one for one in target.sources)]
-    digest = sha256(repr(compilers).encode())
+    # A home may be shared by machines of several kinds.
+    digest = sha256(repr((compilers, _FLAGS, target.flags, platform.machine())).encode())
     for source in sources:
         digest.update(source.read_bytes())
     cached = cache_folder() / "fmu" / f"{name}-{digest.hexdigest()[:32]}{target.suffix}"

@@ -6,7 +6,9 @@ from adhesion_can.api.replayed_models import ReplayedModels
 from adhesion_can.api.simulation import simulate
 from adhesion_can.bus.frame import STOP, Mark
 from adhesion_can.config import load_configuration
+from adhesion_can.diagnosis.result import InputFile
 from adhesion_can.errors import RecordingError
+from adhesion_can.fleet.unit_sources import RecordingUnit
 from adhesion_can.recordings.candump import format_frame, format_mark
 from adhesion_can.recordings.recording import Recording
 from adhesion_can.recordings.sequence import blocks_in_sequence
@@ -81,6 +83,16 @@ def test_a_log_that_was_begun_at_a_signal_goes_on_with_the_model(tmp_path):
     sent, models, _ = replayed(tmp_path / "a.log", tmp_path / "a.1.log")
     assert sent == whole.sent
     assert len(list(models.sentences(0))) == 1
+
+
+def test_a_row_of_a_fleet_has_the_model_of_the_log(tmp_path):
+    path = Run(tmp_path / "a.log", change_s=1.0).path
+    unit = RecordingUnit(InputFile(path, "a.log", ""), CONFIG)
+    with_change = unit.replay()
+    lines = [line for line in path.read_text().splitlines(True) if "adhesion-can" not in line]
+    path.write_text("".join(lines))
+    assert with_change["tracking_s"] > 0.0
+    assert with_change["lambda_m"] != unit.replay()["lambda_m"]
 
 
 def test_a_service_that_began_with_kept_surfaces_is_repeated_to_the_byte(tmp_path):
