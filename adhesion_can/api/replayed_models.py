@@ -12,6 +12,7 @@ from adhesion_can.bus.block import Block
 from adhesion_can.bus.frame import Frame
 from adhesion_can.config import Configuration
 from adhesion_can.estimation.extended.model import ExtendedModel
+from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.samples import Samples
 from adhesion_can.plurals import counted
 from adhesion_can.recordings.recording import Recording
@@ -22,6 +23,9 @@ from adhesion_can.service.kept_state import read_kept_curves, with_surfaces
 from adhesion_can.service.model_changes import ModelChange, read_model_changes
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import ReplaySummary, replay, replay_blocks
+
+_OURS = b" adhesion-can-"
+"""What stands in the comments that a replay needs."""
 
 
 class ReplayedModels:
@@ -40,14 +44,17 @@ class ReplayedModels:
 
     def __init__(self, recordings: Sequence[Recording]) -> None:
         self._changes: list[ModelChange] = []
-        for recording in recordings:
-            found = list(read_model_changes(recording.comments(), str(recording.path)))
+        self._kept: tuple[CurveParameters, ...] = ()
+        for place, recording in enumerate(recordings):
+            # Once through a log; most of its comments are others.
+            comments = [line for line in recording.comments() if _OURS in line]
+            found = list(read_model_changes(comments, str(recording.path)))
             begin_us = _begin_us(recording) if self._changes else None
             if begin_us is not None and not (found and found[0].t_us <= begin_us):
                 self._changes.append(ModelChange(begin_us, None))
             self._changes += found
-        first = recordings[0]
-        self._kept = read_kept_curves(first.comments(), str(first.path))
+            if place == 0:
+                self._kept = read_kept_curves(comments, str(recording.path))
         self._taken: list[tuple[int, ExtendedModel | None]] = []
 
     @property

@@ -202,7 +202,7 @@ def _keep(
     outputs: Outputs,
 ) -> None:
     """Keep what is learned with the model of the start: a state belongs to one model."""
-    if core.configuration.model == model:
+    if core.configuration.model is model:
         keeper.observe(t_us, outputs)
 
 

@@ -22,6 +22,7 @@ from adhesion_can.fmu.variables import (
     VariableType,
     available,
     enumerated,
+    finite,
     in_order,
 )
 from adhesion_can.physics.readings import Role
@@ -109,7 +110,6 @@ class LocomotiveSlave:
         """Simulate until the last whole step of 2 ms, as `Slave.step` defines it."""
         del from_us  # where the run has come to is known
         simulation = self._simulation
-        creep_speed = values["creep_speed_setpoint"]
         efforts = {axle: values[f"effort_demand_{axle}"] for axle in self._axles}
         self._is_demanded = self._is_demanded or any(map(isfinite, efforts.values()))
         while simulation.now_us + STEP_US <= until_us - self._start_us:
@@ -117,7 +117,7 @@ class LocomotiveSlave:
                 simulation.demand_efforts(efforts)
             simulation.take_setpoint(
                 known=values["status"] == Status.TRACKING,
-                creep_speed=creep_speed if isfinite(creep_speed) else None,
+                creep_speed=finite(values["creep_speed_setpoint"]),
             )
             self._receive(simulation.step())
         return self._outputs()

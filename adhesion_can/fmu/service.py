@@ -6,7 +6,6 @@ what was read before its due time, as on a bus.
 
 from collections.abc import Iterable
 from dataclasses import replace
-from math import isfinite
 
 from adhesion_can.config import Configuration
 from adhesion_can.fmu.signals import cycle_variable, group_signals, signal_variable
@@ -20,6 +19,7 @@ from adhesion_can.fmu.variables import (
     Variable,
     available,
     enumerated,
+    finite,
     in_order,
 )
 from adhesion_can.physics.doubt import Doubt
@@ -47,11 +47,6 @@ class ReadingsCore(ServiceCore):
             self.emit(t_us, self._inputs.snapshot)
         self._inputs.add(readings)
         self.use_speed_source(self._inputs.speed_source)
-
-
-def _finite(value: float) -> float | None:
-    """A reading; None where it is not available, or what no bus can carry."""
-    return value if isfinite(value) else None
 
 
 class ServiceSlave:
@@ -105,7 +100,7 @@ class ServiceSlave:
     def step(self, from_us: int, until_us: int, values: Values) -> Values:
         """Feed the readings that are due and advance, as `Slave.step` defines it."""
         readings = [
-            Reading(from_us, key.role, key.axle, _finite(values[self._names[key]]))
+            Reading(from_us, key.role, key.axle, finite(values[self._names[key]]))
             for group, cycle in zip(self._groups, self._cycles, strict=True)
             if cycle.is_due(from_us, until_us)
             for key in group.keys

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from math import isnan, nan
+from math import isfinite, isnan, nan
 
 from adhesion_can.physics.doubt import DESCRIPTIONS as DOUBTS
 from adhesion_can.physics.doubt import Doubt
@@ -152,6 +152,11 @@ def available(value: float | None) -> float:
 def known(value: float) -> float | None:
     """A variable's value; None where it is not available."""
     return None if isnan(value) else value
+
+
+def finite(value: float) -> float | None:
+    """A variable's value; None where it is not available, or is what no bus can carry."""
+    return value if isfinite(value) else None
 
 
 Values = Mapping[str, float]

@@ -48,7 +48,7 @@ from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.values import Stateful
 
 GNSS_STDS, GNSS_SHARE = 5.0, 0.02
-"""Largest distance of a speed by satellites: standard deviations, and further as a share of it."""
+"""Largest distance of a GNSS speed that is used: standard deviations, and further a share of it."""
 
 
 class ObservedSpeedFilter(Stateful):
