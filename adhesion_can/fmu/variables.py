@@ -155,7 +155,7 @@ def known(value: float) -> float | None:
 
 
 def finite(value: float) -> float | None:
-    """A variable's value; None where it is not available, or is what no bus can carry."""
+    """A variable's value; None where it is not available, or infinite: no bus carries that."""
     return value if isfinite(value) else None
 
 

@@ -97,16 +97,20 @@ def test_the_level_is_that_of_a_linear_regression(count, noise_var):
         assert cost[k] == pytest.approx(np.sum((z - best * f) ** 2), rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("count", [4, 30])
-def test_the_stated_density_of_the_draws_is_theirs(count):
-    """By importance sampling: densities whose integrals are known, from draws by theirs."""
-    _, _, found = segment(SURFACES["dry"], count, 0.01)
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("count", [30, 300])
+def test_the_stated_density_of_the_draws_is_theirs(count, seed):
+    """By importance sampling: densities whose integrals are known, from draws by theirs.
+
+    With few samples the density is a bent ridge, beside which a normal one has too few draws.
+    """
+    _, _, found = segment(SURFACES["dry"], count, 0.01, seed)
     drawn = propose(found.sums, found.noise_var, found.noise_freedom, found.prior, 20_000)
     phi = drawn.phi[drawn.good]
     middle, spread = np.average(phi, axis=0), np.cov(phi.T)
     target = stats.multivariate_normal(middle, 0.05 * spread)
     ratio = np.exp(target.logpdf(phi) - drawn.log_density[drawn.good])
-    assert ratio.sum() / len(drawn.good) == pytest.approx(1.0, abs=0.05)
+    assert ratio.sum() / len(drawn.good) == pytest.approx(1.0, abs=0.01)
 
 
 def test_places_are_drawn_by_the_cells_and_their_density_is_stated():
