@@ -80,6 +80,18 @@ def test_the_square_along_the_level_is_that_of_the_error_alone():
     assert BlockError(PLACE, STD**2).level_square(rows) == pytest.approx(wanted, rel=0.1)
 
 
+def test_what_a_shared_error_takes_from_the_level_depends_on_no_unit_of_the_weights():
+    """Also where all weights are small: few rows, or much noise."""
+    rows, scale = rows_of(), 1e-9
+    faint = rows._replace(weight=scale * rows.weight, level_noise=scale * rows.level_noise)
+    found = [
+        BlockSums.from_rows(each, error=BlockError(PLACE, variance)).level_noise / each.level_noise
+        for each, variance in ((rows, STD**2), (faint, STD**2 / scale))
+    ]
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+    assert found[0] < 0.97
+
+
 @pytest.mark.parametrize(("block_s", "times"), [(0.5, 20.0), (4.0, 2.5), (10.0, 1.0), (16.0, 1.0)])
 def test_an_error_that_outlasts_a_block_counts_as_more(block_s, times):
     assert SpeedWander(PLACE, STD).add_block(rows_of(), block_s) == pytest.approx(
