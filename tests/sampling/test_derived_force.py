@@ -47,6 +47,18 @@ def test_a_measured_force_that_drives_the_vehicle_is_not(noise, force_noise):
         assert find_derived_force(stamps(t), read, force) is None
 
 
+@pytest.mark.parametrize(("beside", "is_found"), [(0.1, True), (1.5, False)])
+def test_a_force_that_is_mostly_of_another_origin_is_not(beside, is_found):
+    """It has the noise of the speed, and beside it a slow part with a share of its variance."""
+    for seed in range(20):
+        rng, t, v, rate = vehicle(seed)
+        read = v + 0.006 * rng.standard_normal(len(t))
+        slow = beside * np.std(rate) * np.sqrt(2.0) * np.sin(2 * np.pi * t / 31.0)
+        found = find_derived_force(stamps(t), read, np.gradient(read, STEP_S) + slow)
+        assert (found is not None) == is_found
+        assert found is None or 0.9 < found.explained < 1.0
+
+
 def test_few_rows_gaps_and_one_stamp_say_nothing():
     rng, t, v, _ = vehicle(1)
     read = v + 0.006 * rng.standard_normal(len(t))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 from adhesion_can.sampling.noise import (
@@ -110,6 +111,19 @@ def test_no_part_is_below_0(white, lasting):
     assert cost == pytest.approx(np.sum((1.0 - size * column) ** 2))
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_the_parts_are_those_of_nonnegative_least_squares_in_any_unit(unit):
+    shape, rng = lasting_shape(np.array(STRIDES, dtype=float), 0.02, 0.3), np.random.default_rng(3)
+    for _ in range(60):
+        white, lasting = rng.uniform(-0.3, 1.0, 2)
+        var = unit * np.maximum(white + lasting * shape, 0.05) * rng.uniform(0.7, 1.4, len(shape))
+        cost, total = _fit_parts(shape, var)
+        columns = np.column_stack([1.0 / var, shape / var])
+        parts, left = nnls(columns * unit, np.ones(len(var)))
+        assert total == pytest.approx(unit * parts.sum())
+        assert cost == pytest.approx(left**2)
+
+
 @pytest.mark.parametrize("lasts_s", [0.1, 0.3])
 def test_the_duration_of_exact_variances_is_their_own(lasts_s):
     strides = np.array(STRIDES, dtype=float)
@@ -146,6 +160,7 @@ def test_sensors_of_a_kind_have_the_median_of_their_variances():
     # Where half of them do not know how long errors last, nobody does.
     unsure = [replace(parts[0], lasts_s=None), *parts[1:4]]
     assert pool(unsure).lasts_s is None
+    assert pool(unsure[:2]).lasts_s is None
     assert pool([parts[2]]) == parts[2]
     assert pool([]).reason == "no readings"
     assert pool([parts[2]]).to_dict()["std_error"] is None
