@@ -130,6 +130,20 @@ def test_two_rows_have_a_rate_of_the_slip_and_one_has_none(rows, rates):
     assert _compute_slip_rate(data, slip) == pytest.approx(np.array(rates))
 
 
+def test_the_slip_has_no_rate_where_the_next_axle_or_the_same_stamp_follows():
+    """Central differences, as far as the stamps ascend."""
+    t_s = np.array([0.0, 0.1, 0.2, 0.3, 0.0, 0.1, 0.2, 0.2, 0.2, 0.3])
+    slip = np.array([0.0, 0.01, 0.02, 0.03, 0.5, 0.51, 0.52, 0.53, 0.54, 0.55])
+    found = _compute_slip_rate(SimpleNamespace(column=lambda _: t_s), slip)
+    wanted = [0.1, 0.1, 0.1, 0.0, 0.0, 0.1, 0.2, 0.0, 0.2, 0.1]
+    assert found == pytest.approx(np.array(wanted), rel=0.01)
+
+
+def test_a_spline_has_four_columns_at_least():
+    basis = Channel("dew", OFFSET, draw(), 2).build_basis(evaluated())
+    assert basis.shape == (N, 4)
+
+
 def test_points_in_any_order_have_no_time_and_only_what_all_recordings_have_counts():
     time_s = np.arange(400) * 0.05
     slip = 0.05 + 0.04 * np.sin(time_s)

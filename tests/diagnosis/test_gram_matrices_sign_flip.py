@@ -88,6 +88,12 @@ def test_solve_is_least_squares_whatever_the_units(seed, unit):
     assert solve_normal_equations(x.T @ x, x.T @ both)[:, 1] == pytest.approx(2 * by_hand, rel=1e-6)
 
 
+def test_what_no_regressor_reaches_has_no_part_in_the_coefficients():
+    """Two that are the same share what they explain; round-off between them explains nothing."""
+    found = solve_normal_equations(np.array([[4.0, 4.0], [4.0, 4.0]]), np.array([8.0, 8.0 + 1e-3]))
+    assert found == pytest.approx([1.0000625, 1.0000625], rel=1e-9)
+
+
 def test_solve_shares_out_what_collinear_columns_explain():
     rng = np.random.default_rng(2)
     a, b = rng.standard_normal((2, 50))

@@ -11,10 +11,13 @@ from adhesion_can.diagnosis.regression.effect_derivatives import compute_signatu
 from adhesion_can.diagnosis.regression.gram_matrices import number_blocks
 from adhesion_can.diagnosis.regression.model import (
     EvaluatedModel,
+    Model,
     RegressionData,
     evaluate_model,
 )
 from adhesion_can.diagnosis.regression.prepare_regression import (
+    _find_runs,
+    _saturated_residual,
     choose_block_length,
     design_speed_errors,
     prepare_regression,
@@ -24,7 +27,14 @@ from adhesion_can.physics.curves import Conditions
 from adhesion_can.physics.effects import effect_by_id
 from adhesion_can.physics.readings import Role
 from adhesion_can.sampling.traces import Trace
-from tests.diagnosis.diagnosis_helpers import C1, C2, C3, SyntheticDrive, build_table_drive
+from tests.diagnosis.diagnosis_helpers import (
+    C1,
+    C2,
+    C3,
+    SyntheticDrive,
+    build_table_drive,
+    burckhardt,
+)
 from tests.diagnosis.test_slip_noise import true_contact
 
 CURVE = SegmentCurves(np.array([[C1, np.log(C2), C3]]))
@@ -245,7 +255,51 @@ def test_the_slips_of_a_table_have_the_noise_that_rows_show_which_decide():
     start = SegmentCurves(np.array([[1.0, np.log(25.0), 0.5]]))
     regression = prepare_regression(data, start, block, (), 12.0).regression
     steep = np.abs(read) < 0.005
+    ratio = (24.0 * std / 0.005) ** 2
+    assert np.median(regression.slip_variance_share[steep]) == pytest.approx(
+        ratio / (1.0 + ratio), abs=0.03
+    )
+    assert regression.slip_variance_share.max() <= 1.0
     # At the steep start of the curve, 24 times the noise of the slip beside that of the adhesion.
     wanted = np.hypot(0.005, 24.0 * std)
     assert np.median(1.0 / regression.scale[steep]) == pytest.approx(wanted, rel=0.15)
     assert not regression.speed_error_design.size
+
+
+def test_runs_end_with_their_drive_and_points_are_runs_of_their_own():
+    """Also where the stamps go on from drive to drive, and where a drive has no rows."""
+    lines = [SimpleNamespace(rows=rows, independent=rows == 2) for rows in (3, 4, 0, 2, 0)]
+
+    class Lines(SimpleNamespace):
+        def __len__(self):
+            return self.rows
+
+    data = Lines(rows=9, drives=[Lines(**vars(line)) for line in lines])
+    data.column = lambda name: np.arange(9) * 0.1 if name == "t_s" else np.ones(9)
+    assert _find_runs(data).starts.tolist() == [0, 3, 7, 8]
+
+
+def test_where_all_rows_are_on_the_steep_start_their_own_noise_counts():
+    rng, t_s = np.random.default_rng(3), np.arange(3000) * 0.05
+    slip = 0.004 * np.sin(t_s)
+    drive = build_table_drive(slip, burckhardt(slip) + 0.01 * rng.standard_normal(3000), t_s)
+    data = RegressionData((drive,), np.zeros(3000, dtype=np.int64), 1)
+    found = prepare_regression(data, CURVE, number_blocks(t_s, 2.0), (), 2.0).regression
+    assert 1.0 / found.scale == pytest.approx(np.full(3000, 0.01), rel=0.1)
+
+
+def test_what_any_effect_may_explain_is_left_out_of_the_noise():
+    """Adhesion that falls by half where the load doubles, beside noise of 0.01."""
+    rng, t_s = np.random.default_rng(4), np.arange(4000) * 0.05
+    slip = 0.11 * np.sin(2 * np.pi * t_s / 7.0)
+    load = np.exp(0.35 * np.sin(t_s / 3.0))
+    adhesion = burckhardt(slip) / load + 0.01 * rng.standard_normal(4000)
+    drive = build_table_drive(slip, adhesion, t_s, load=load)
+    data = RegressionData((drive,), np.zeros(4000, dtype=np.int64), 1)
+    block = number_blocks(t_s, 2.0)
+    regression = prepare_regression(data, CURVE, block, (), 2.0).regression
+    candidates = (Candidate(effect_by_id("load_dependence")),)
+    left = _saturated_residual(regression, Model(CURVE), candidates)
+    plain = evaluate_model(data, CURVE).residual
+    assert np.std(plain) > 0.04
+    assert np.std(left) == pytest.approx(0.01, rel=0.1)

@@ -13,6 +13,7 @@ from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import (
     FittedModel,
     WhitenedRegression,
+    _free_parameters,
     _sandwich_covariance,
     fit_model,
 )
@@ -92,6 +93,91 @@ def test_squares_of_a_block_are_those_by_the_parameters_of_the_others():
         own = regression.block == b
         left = evaluate_model(regression.data, again.curves).residual[own]
         assert found.cross_validated_squares[b] == pytest.approx(np.sum(left**2), rel=0.02)
+
+
+def test_squares_by_the_others_are_exact_where_the_model_is_linear():
+    """Refits without each of a few blocks, whose leverage is large; but for two kinds of column.
+
+    What one block alone knows stays in it, and a parameter that is not free does not move.
+    """
+    rng = np.random.default_rng(4)
+    columns, noise = rng.standard_normal((48, 3)), rng.standard_normal(48)
+    columns[:, 2] = np.where(np.arange(48) < 12, 5.0, 1e-3) * columns[:, 2]
+    residual = noise - columns @ np.linalg.lstsq(columns, noise, rcond=None)[0]
+    idle = rng.standard_normal((48, 1))
+    fitted = FittedModel(
+        Model(SegmentCurves(CURVE)),
+        blocks_of(np.column_stack([columns, idle]), residual, 12),
+        np.eye(4),
+        np.array([True, True, True, False]),
+    )
+    wanted = []
+    for first in range(0, 48, 12):
+        own = np.isin(np.arange(48), np.arange(first, first + 12))
+        known = columns[:, :2] if first == 0 else columns
+        again = np.linalg.lstsq(known[~own], residual[~own], rcond=None)[0]
+        wanted.append(np.sum((residual[own] - known[own] @ again) ** 2))
+    assert fitted.cross_validated_squares[1:] == pytest.approx(wanted[1:], rel=1e-5)
+    # The third column is as good as unknown to the others: its size stays what it was.
+    assert fitted.cross_validated_squares[0] == pytest.approx(wanted[0], rel=0.02)
+    assert fitted.cross_validated_square == pytest.approx(sum(fitted.cross_validated_squares))
+
+
+def test_what_is_held_out_is_the_rest():
+    slip, mu, t = table(np.random.default_rng(5), n=400)
+    whole = build_plain_regression(build_table_drive(slip, mu, t), block_s=2.0)
+    number = whole.block
+    part = replace(whole, block=np.where(number % 3 == 1, -1 - number, number))
+    assert part.used.tolist() == (number % 3 != 1).tolist()
+    assert part.held_out.used.tolist() == (number % 3 == 1).tolist()
+    assert part.block_number.tolist() == part.held_out.block_number.tolist() == number.tolist()
+    assert part.all_data.block.tolist() == number.tolist()
+    assert part.held_out.held_out.block.tolist() == part.block.tolist()
+
+
+@pytest.mark.parametrize(("second", "is_whole"), [("held out", False), ("in part", True)])
+def test_what_is_reported_is_of_all_rows_but_those_of_a_drive_held_out_whole(second, is_whole):
+    slip, mu, t = table(np.random.default_rng(5), n=400)
+    drive = build_table_drive(slip, mu, t)
+    one = build_plain_regression(drive)
+    number = np.append(one.block, one.block + 20)
+    held = np.append(np.zeros(400, dtype=bool), (np.arange(400) < 200) | (second == "held out"))
+    data = RegressionData((drive, drive), np.zeros(800, dtype=np.int64), 1)
+    both = replace(one, data=data, block=np.where(held, -1 - number, number))
+    wanted = number if is_whole else both.block
+    assert both.last_fit.block.tolist() == wanted.tolist()
+
+
+@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("uphill", [-2.0, 2.0])
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_parameter_stays_at_a_bound_that_the_data_press_it_against_alone(number, uphill, end):
+    """Whatever the products of the Jacobian's own columns are."""
+    model = Model(SegmentCurves(CURVE)).with_effect(Candidate(effect_by_id("humidity")))
+    vector = model.parameter_vector
+    vector[number] = model.bounds[end][number]
+    matrix = np.eye(5) - 3.0 * uphill * (1.0 - np.eye(5))
+    matrix[:-1, -1] = np.where(np.arange(4) == number, uphill, 0.5)
+    found = _free_parameters(
+        replace(model, curves=SegmentCurves(vector[None, :3]), values=((vector[3],),)),
+        BlockGramMatrices(matrix[None], np.ones(1)),
+    )
+    is_pressed = (uphill < 0.0) == (end == 0)
+    assert found.tolist() == [k != number or not is_pressed for k in range(4)]
+
+
+def test_weights_follow_the_share_of_the_slips_noise_in_what_is_white():
+    """The variance of the residuals grows fourfold with the share."""
+    rng = np.random.default_rng(6)
+    slip, mu, t = table(rng)
+    share = rng.uniform(size=len(t))
+    plain = replace(
+        build_plain_regression(build_table_drive(slip, mu, t)), slip_variance_share=share
+    )
+    residual = np.sqrt(1.0 + 3.0 * share) * rng.standard_normal(len(t))
+    found = plain.refit_whitening(residual)
+    assert found.whitener.order == 0
+    assert found.weight == pytest.approx(1.0 / np.sqrt(1.0 + 3.0 * share), rel=0.1)
 
 
 def test_stated_errors_cover_the_truth():

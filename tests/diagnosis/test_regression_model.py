@@ -88,6 +88,26 @@ FORMULAS = {
 }  # fmt: skip
 
 
+def test_a_corrected_slip_is_a_creep_speed_as_much_faster(data):
+    seen, shift = data.drives[0].observe(), np.linspace(-0.01, 0.02, len(data))
+    fall = ActiveEffect(effect_by_id("falling_friction", "burckhardt"), (0.1,))
+    at = evaluate_model(data, SegmentCurves(CURVE), (fall,), shift)
+    by_hand = np.exp(-0.1 * np.abs(seen.creep_speed + shift * seen.speed))
+    assert at.factor == pytest.approx(by_hand, abs=1e-12)
+    assert at.predicted == pytest.approx(by_hand * burckhardt(seen.slip + shift), abs=1e-12)
+
+
+def test_columns_are_split_where_their_drives_begin(data):
+    (drive,) = data.drives
+    short = drive.select_rows(slice(0, 7))
+    both = RegressionData((drive, short, drive), np.zeros(2 * len(drive) + 7, dtype=int), 1)
+    parts = both.split(np.array([both.column("t_s"), both.drive_number]))
+    assert [part[0].tolist() for part in parts] == [
+        one.t_s.tolist() for one in (drive, short, drive)
+    ]
+    assert [set(part[1]) for part in parts] == [{0}, {1}, {2}]
+
+
 @pytest.mark.parametrize("key", FORMULAS)
 def test_an_effect_in_the_contact_multiplies_the_curve(data, key):
     values, factor = FORMULAS[key]
@@ -216,3 +236,12 @@ def test_parameters_stay_within_their_limits():
     assert model.with_parameters(model.parameter_vector).parameter_vector == pytest.approx(
         model.parameter_vector
     )
+
+
+def test_parameters_stand_effect_by_effect():
+    two = Candidate(effect_by_id("falling_friction", "polach"))
+    one = Candidate(effect_by_id("humidity"))
+    model = Model(SegmentCurves(np.tile(CURVE, (2, 1))))
+    model = model.with_effect(two, (0.04, 0.7)).with_effect(one, (-0.003,))
+    assert [model.first_parameter(place) for place in (0, 1)] == [6, 8]
+    assert model.parameter_vector[[6, 7, 8]].tolist() == [0.04, 0.7, -0.003]

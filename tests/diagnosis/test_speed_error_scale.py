@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from adhesion_can.diagnosis.regression.speed_error_scale import estimate_speed_error_scale
 
@@ -60,3 +61,27 @@ def test_what_is_in_single_axles_is_no_error_of_the_speed():
 def test_too_few_rows_say_nothing(rows):
     design = np.ones((rows, ERRORS))
     assert estimate_speed_error_scale(np.ones(rows), design, np.zeros(rows, dtype=np.int64)) == 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_few_blocks_it_is_the_most_likely_one_with_what_is_usual(seed):
+    """Normal densities with dense covariances; a factor of 3 up or down has half a unit less."""
+    rng, blocks, n = np.random.default_rng(seed), 3, 25
+    design = 0.5 * rng.standard_normal((blocks * n, 2))
+    block = np.repeat(np.arange(blocks), n)
+    true = (rng.standard_normal((blocks, 2)) * 3.0)[block]
+    residual = rng.standard_normal(blocks * n) + np.sum(design * true, axis=1)
+    parts = [(design[block == b], residual[block == b]) for b in range(blocks)]
+    left = [r - d @ np.linalg.lstsq(d, r, rcond=None)[0] for d, r in parts]
+    noise = sum(float(one @ one) for one in left) / (blocks * (n - 2))
+
+    def unlikeliness(log_factor):
+        found = (log_factor / np.log(3.0)) ** 2
+        for d, r in parts:
+            covariance = np.eye(n) + np.exp(2.0 * log_factor) * d @ d.T
+            found += np.linalg.slogdet(covariance)[1] + r @ np.linalg.solve(covariance, r) / noise
+        return found
+
+    wanted = minimize_scalar(unlikeliness, bounds=(-3.4, 3.4), method="bounded")
+    found = estimate_speed_error_scale(residual, design, block)
+    assert found == pytest.approx(np.exp(wanted.x), rel=1e-3)

@@ -9,6 +9,7 @@ from adhesion_can.diagnosis.regression.whitening import (
     ContiguousRuns,
     Whitener,
     compute_autocovariance,
+    compute_weights,
     fit_whitener,
 )
 
@@ -154,3 +155,39 @@ def test_few_rows_are_left_as_they_are(rows):
     whitener = fit_whitener(x, found)
     assert whitener.order == 0
     assert whitener(x[:, None]).shape == (rows, 1)
+
+
+@pytest.mark.parametrize(("rows", "order"), [(19, 0), (20, 1)])
+def test_twenty_rows_are_enough_for_one_coefficient(rows, order):
+    swing = np.where(np.arange(rows) % 2, -1.0, 1.0)
+    assert fit_whitener(swing, build_runs([rows])).order == order
+
+
+# ------------------------------------------------------------------------------- row weights
+
+
+@pytest.mark.parametrize(("base", "growth"), [(1.0, 3.0), (2.0, 0.0), (1.0, 20.0)])
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+def test_weights_are_reciprocal_standard_deviations(base, growth, unit):
+    """Variances grow with the share of the slip's noise; rows that take no part count nothing."""
+    rng, n = np.random.default_rng(9), 20_000
+    share, used = rng.uniform(size=n), np.arange(n) % 4 > 0
+    var = unit * (base + growth * share)
+    square = np.where(used, var, 900.0 * unit) * rng.standard_normal(n) ** 2
+    # A group of 750 rows knows its variance to 5 %.
+    assert compute_weights(square, share, used) == pytest.approx(1.0 / np.sqrt(var), rel=0.15)
+
+
+def test_rows_whose_variance_falls_with_the_share_have_one_weight():
+    rng, n = np.random.default_rng(10), 4000
+    share, used = rng.uniform(size=n), np.ones(n, dtype=bool)
+    weight = compute_weights((2.0 - share) * rng.standard_normal(n) ** 2, share, used)
+    assert np.ptp(weight) < 1e-9 * weight[0]
+    assert weight[0] == pytest.approx(1.0 / np.sqrt(1.5), rel=0.15)
+
+
+@pytest.mark.parametrize(("rows", "alike"), [(199, True), (200, False)])
+def test_few_rows_have_the_weight_1(rows, alike):
+    square = np.full(rows, 4.0)
+    weight = compute_weights(square, np.linspace(0.0, 1.0, rows), np.ones(rows, dtype=bool))
+    assert weight == pytest.approx(np.full(rows, 1.0 if alike else 0.5))
