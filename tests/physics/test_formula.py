@@ -106,6 +106,9 @@ def test_no_factor_is_below_the_least_and_what_is_no_number_stays_so():
         ("1 + a * lag(wind, speed) where a=1", "lag depends on 'speed'"),
         ("1 + a * lag(wind, 'a') where a=1", "lag depends on 'a'"),
         ("1 + a * wind where a=1, a=2", "'a' has two values"),
+        ("1 + a * lag(wind, -1) where a=1", "time constant of lag(wind, -1) is -1"),
+        ("1 + a * lag(wind, b) where a=1, b=1.1e9", "it must be 0 to"),
+        ("1 + a * max(lag(wind, 1), lag(wind, 2e9)) where a=1", "is 2e+09"),
     ],
 )
 def test_what_a_user_may_write_wrong(text, part):

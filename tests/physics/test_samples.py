@@ -119,7 +119,12 @@ def test_curve_has_consistent_columns():
             assert len(getattr(samples, f.name)) == 2
     assert samples.t_us.dtype == np.int64
     assert (samples.load > 0).all()
-    assert (samples.load_std == 0).all()
+    # They are exact.
+    errors = ("load_std", "slip_var", "adhesion_var", "slip_common_var", "transient_var")
+    for name in errors:
+        assert (getattr(samples, name) == 0).all()
+    row = Sample(0, 1, 0.1, 0.3, 1.0, 10.0, 245e3)
+    assert [getattr(row, name) for name in errors] == [0.0] * 5
 
 
 def test_frozen():

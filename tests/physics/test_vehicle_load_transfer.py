@@ -1,5 +1,7 @@
 """Transfer of axle load: moment balances written anew from the free body of the locomotive."""
 
+from dataclasses import FrozenInstanceError
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -119,6 +121,21 @@ def test_loads_are_static_plus_transfer_and_keep_the_weight():
     assert loads.shape == (3, 6)
     assert np.allclose(loads.sum(axis=-1), sum(vehicle.axle_load))
     assert np.allclose(loads - np.array(vehicle.axle_load), Geometry().load_transfer(effort))
+
+
+@pytest.mark.parametrize(
+    ("axles", "bogies"),
+    [(2, (2,)), (4, (2, 2)), (5, (5,)), (6, (3, 3)), (8, (2, 2, 2, 2)), (12, (3, 3, 3, 3))],
+)
+def test_a_vehicle_without_geometry_shares_loads_as_a_usual_one_with_its_axles(axles, bogies):
+    vehicle = Locomotive((0.625,) * axles, (245e3,) * axles, geometry=None)
+    by_force = Geometry(axles_per_bogie=bogies).load_transfer(np.eye(axles)).T
+    assert vehicle.transfer_shares() == pytest.approx(by_force)
+
+
+def test_a_vehicle_does_not_change():
+    with pytest.raises(FrozenInstanceError):
+        Locomotive().train_mass = 1.0
 
 
 def test_loads_without_geometry_are_static_and_free_to_change():
