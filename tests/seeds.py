@@ -7,9 +7,15 @@ def first_quick(values, quick=1):
     """Parameters of a test.
 
     Args:
-        values: Seeds, or other values.
+        values: Seeds, or other values; a tuple has the values of several names.
         quick: Number of values that are no slow ones.
 
     """
     first, others = list(values)[:quick], list(values)[quick:]
-    return [*first, *(pytest.param(value, marks=pytest.mark.slow) for value in others)]
+    return [*first, *(slow(value) for value in others)]
+
+
+def slow(value):
+    """A parameter of a slow test."""
+    values = value if isinstance(value, tuple) else (value,)
+    return pytest.param(*values, marks=pytest.mark.slow)

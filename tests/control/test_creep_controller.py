@@ -12,6 +12,7 @@ from adhesion_can.physics.objection import Objection
 from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 from tests.control.driving import DRY, GREASY, STEEP, SURFACES, constant, drive, peak_of
+from tests.seeds import first_quick
 
 
 def settled(rows, after=2.0):
@@ -38,19 +39,19 @@ def test_without_any_service_the_search_finds_the_peak(name, seeds):
         assert controller.mode is Mode.SEARCH
 
 
-def test_a_change_of_the_rail_is_followed_without_a_service():
-    for seed in range(3):
-        rows, _ = drive(lambda t: DRY if t < 4.0 else GREASY, 10.0, seed=seed)
-        assert settled(rows, 5.0) > 0.975, seed
-        rows, _ = drive(lambda t: GREASY if t < 4.0 else STEEP, 10.0, seed=seed)
-        assert settled(rows, 5.5) > 0.97, seed
+@pytest.mark.parametrize("seed", first_quick(range(3)))
+def test_a_change_of_the_rail_is_followed_without_a_service(seed):
+    rows, _ = drive(lambda t: DRY if t < 4.0 else GREASY, 10.0, seed=seed)
+    assert settled(rows, 5.0) > 0.975
+    rows, _ = drive(lambda t: GREASY if t < 4.0 else STEEP, 10.0, seed=seed)
+    assert settled(rows, 5.5) > 0.97
 
 
-def test_an_axle_on_oil_does_not_mislead_the_others():
+@pytest.mark.parametrize("seed", first_quick(range(3)))
+def test_an_axle_on_oil_does_not_mislead_the_others(seed):
     curves = [DRY, DRY, GREASY, DRY, DRY, DRY]
-    for seed in range(3):
-        rows, _ = drive(constant(curves), 8.0, seed=seed)
-        assert settled(rows) > 0.975, seed
+    rows, _ = drive(constant(curves), 8.0, seed=seed)
+    assert settled(rows) > 0.975
 
 
 def test_a_right_setpoint_is_held_with_excursions_of_one_axle_at_a_time():
@@ -99,14 +100,12 @@ def test_a_setpoint_that_is_wrong_with_confidence_is_not_followed(name, seeds):
     assert np.mean(shares) > 0.975
 
 
-def test_a_curve_that_turns_wrong_while_it_is_held_is_given_up():
+@pytest.mark.parametrize("seed", first_quick(range(3)))
+def test_a_curve_that_turns_wrong_while_it_is_held_is_given_up(seed):
     """The rail changes and the service goes on as before: excursions contradict it."""
-    for seed in range(3):
-        rows, _ = drive(
-            lambda t: DRY if t < 4.0 else STEEP, 16.0, advice=advice_for(DRY_THETA, DRY_PEAK),
-            seed=seed,
-        )  # fmt: skip
-        assert settled(rows, 12.0) > 0.965, seed
+    advice = advice_for(DRY_THETA, DRY_PEAK)
+    rows, _ = drive(lambda t: DRY if t < 4.0 else STEEP, 16.0, advice=advice, seed=seed)
+    assert settled(rows, 12.0) > 0.965
 
 
 @pytest.mark.parametrize(

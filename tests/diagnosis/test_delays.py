@@ -3,6 +3,8 @@
 The drives are the tests' own: a braking car in a table, and a locomotive in closed form.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -41,8 +43,7 @@ def braking_car(path, seed, late, by):
 EFFECT = {"speed": "speed_delay", "wheel": "wheel_speed_delay", "force": "effort_delay"}
 
 
-@pytest.mark.parametrize("by", [0.1, pytest.param(-0.063, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("late", EFFECT)
+@pytest.mark.parametrize(("late", "by"), first_quick(itertools.product(EFFECT, (0.1, -0.063))))
 def test_the_signal_that_is_late_or_early_is_named(tmp_path, late, by):
     named, sizes = 0, []
     for seed in range(3):

@@ -13,7 +13,7 @@ from tests.worlds.mechanisms import KINDS, make_mechanism, write_mechanism
 
 SIZE = 0.06
 """Root mean square of the hidden relative change."""
-QUICK = {"power", "threshold", "lag"}
+QUICK = {"threshold"}
 """Kinds of laws that are always tried; the others are slow tests."""
 
 

@@ -4,7 +4,6 @@ import pytest
 
 from adhesion_can.diagnosis.formatting import rival_title
 from tests.diagnosis.diagnosis_helpers import diagnosed
-from tests.seeds import first_quick
 from tests.worlds.outside.world import make_outside
 
 
@@ -12,7 +11,8 @@ def test_a_rival_of_several_forms_has_a_title_of_all_of_them():
     assert "one axle" not in rival_title("effort_gain")
 
 
-@pytest.mark.parametrize("seed", first_quick([23000, 24001, 26000]))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [23000, 24001, 26000])
 def test_wheels_that_grow_warm_are_no_error_of_the_speed(seed, tmp_path):
     path = tmp_path / "drive.log"
     make_outside("outside:tread_growth", seed, path)

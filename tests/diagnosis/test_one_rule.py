@@ -52,6 +52,7 @@ def test_what_a_further_drive_refutes_is_refuted_in_the_evidence_too(two):
     assert DECISIONS[Decision.REFUTED].meaning in text
 
 
+@pytest.mark.slow
 def test_a_size_is_the_same_in_all_data_wherever_it_is_shown(two):
     for found in two:
         value = found.causes[0].parameters[0].value

@@ -6,7 +6,6 @@ import gzip
 import pytest
 
 from tests.diagnosis.diagnosis_helpers import diagnosed
-from tests.seeds import first_quick
 
 STRAIGHT_DEG = 0.5
 
@@ -56,7 +55,8 @@ def test_with_all_rows_the_load_and_the_lateral_slip_come_closest(realdata, tmp_
     assert all(one["refuted_by"] for one in answer.document["closest"])
 
 
-@pytest.mark.parametrize("rows", first_quick([15, 22, 24, 27, 29, 30, 33]))
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [15, 22, 24, 27, 29, 30, 33])
 def test_a_force_that_is_late_is_nothing_else(realdata, tmp_path, rows):
     """The search for a delay stopped at half of it, and a relaxation of 2.9 m fitted better.
 

@@ -12,6 +12,8 @@ pytest.importorskip("asammdf")
 QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 AT_ONCE = {".mf4": 1, ".db": 1}
 """Mutants of an example; these are read by a process of their own, which takes long to start."""
+FEW = settings(QUICK, max_examples=5)
+IN_A_PROCESS = ".mf4"
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -30,10 +32,23 @@ def small_heap():
 
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("small_heap")
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=pytest.mark.slow) if kind == IN_A_PROCESS else kind
+        for kind in KINDS
+    ],
+)
 @QUICK
 @given(number=st.integers(0, 10**9), command=st.integers(0, 5))
 def test_a_mutant_is_used_or_refused(kind, number, command):
     for place in range(AT_ONCE.get(kind, 4)):
         play(kind, mutant(kind, number + place), command)
     gc.collect()  # a file that was left open warns now
+
+
+@pytest.mark.timeout(300)
+@FEW
+@given(number=st.integers(0, 10**9), command=st.integers(0, 5))
+def test_a_few_mutants_that_take_long_are_used_or_refused(number, command):
+    play(IN_A_PROCESS, mutant(IN_A_PROCESS, number), command)

@@ -75,6 +75,7 @@ def test_what_was_judged_before_is_not_judged_again(monkeypatch, tmp_path, capsy
                 raise KeyboardInterrupt
 
     monkeypatch.setattr("tools.soak.results_as_done", play)
+    monkeypatch.setattr("tools.soak.hash_of_code", lambda: "one")
     tenth = Soak(0.1, 6.0, 1)
     with pytest.raises(KeyboardInterrupt):
         judge_histories(tenth, 1, Found(), Record(path, 6.0))
