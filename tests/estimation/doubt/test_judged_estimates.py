@@ -77,6 +77,10 @@ def test_before_the_first_assessment_the_place_is_as_uncertain_as_the_shape():
     found = judged()
     assert (found.mu_max, found.mu_max_std) == (MU, MU_STD)
     assert found.lambda_m_std == pytest.approx(hypot(LAMBDA_STD, 0.2 * LAMBDA))
+    more = NORMAL_90 * 0.2 * LAMBDA
+    assert found.lambda_m_interval == pytest.approx(
+        (LAMBDA - hypot(0.0005, more), LAMBDA + hypot(0.0012, more))
+    )
     assert found.doubt is Doubt.NOT_AVAILABLE
     assert found.family == "burckhardt"
 
@@ -102,6 +106,9 @@ def test_errors_that_last_inflate_variances_and_intervals():
         (MU - hypot(0.009, more), MU + hypot(0.012, more))
     )
     assert found.lambda_m_interval == pytest.approx((0.02 - 0.0015, 0.02 + 0.0036))
+    # An interval that reaches far down is as many times as wide.
+    low = judged(assessed(remaining=(9.0, 0.0)), estimate(mu_max_interval=(0.1, 0.304)))
+    assert low.mu_max_interval == pytest.approx((MU - 0.6, MU + 0.012))
     # By chance alone nothing is inflated, and no level scatters.
     found = judged(assessed(remaining=(3.9, 0.006)))
     assert found.mu_max_std == pytest.approx(MU_STD)

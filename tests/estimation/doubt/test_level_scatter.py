@@ -1,11 +1,12 @@
 """Levels that alternate along the rail, about an estimate that knows their mean."""
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from adhesion_can.estimation.doubt.level_scatter import LevelScatter
+from adhesion_can.estimation.doubt.level_scatter import LevelScatter, _Level, _scatter
 from adhesion_can.physics.estimate import Estimate, Identifiable
 from adhesion_can.physics.samples import Samples
 from tests.estimation.doubt.doubt_helpers import AXLES, NOISE, THETA, curve, in_seconds
@@ -138,3 +139,10 @@ def test_only_the_flat_part_of_the_curve_has_the_level_of_the_peak():
     assert level_of(half_second(LAMBDA_M, 1.1, n=20)) > 0.0
     unknown = Identifiable(mu_max=False, lambda_m=True)
     assert level_of(half_second(LAMBDA_M, 1.1), identifiable=unknown) == 0.0
+
+
+@pytest.mark.parametrize(("levels", "std"), [(11, 0.0), (12, 0.1)])
+def test_from_twelve_levels_on_their_scatter_counts(levels, std):
+    """A tenth each, beside noise that hardly counts."""
+    found = _scatter(deque([_Level(0.01, 3e-7, 2e-7)] * levels))
+    assert found == pytest.approx(std, rel=1e-4)

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from adhesion_can.estimation.doubt.blocks import CURVE, fit_blocks
-from adhesion_can.estimation.doubt.directions import TIME, build_directions
+from adhesion_can.estimation.doubt.directions import (
+    EFFORT_BIAS,
+    SPEED_SCALE,
+    TIME,
+    build_directions,
+)
 from adhesion_can.estimation.doubt.lasting_errors import estimate_lasting_errors
 from adhesion_can.estimation.doubt.monitor import DoubtMonitor
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
@@ -187,6 +192,33 @@ def test_the_error_of_the_place_is_the_distance_and_the_scatter_unless_a_change_
     assert found.slip_error(place) == pytest.approx(scatter)
     assert found.slip_error(place / 1.5) == pytest.approx(np.hypot(0.5, scatter))
     assert monitor().slip_error(0.02) == 0.0
+
+
+def test_what_instruments_may_be_wrong_by_is_in_the_units_of_the_directions():
+    names = [direction.name for direction in build_directions(AXLES)]
+    scale, bias = CURVE + names.index(SPEED_SCALE), CURVE + names.index(EFFORT_BIAS)
+
+    def priors(**stds):
+        instruments = InstrumentUncertainty(**stds)
+        return DoubtMonitor(AXLES, DoubtSettings(), instruments, 0.5)._instruments
+
+    assert priors(speed_error_std=0.004, effort_bias_std=2500.0) == {scale: 0.004, bias: 2.5}
+    assert priors(speed_error_std=0.0, effort_bias_std=2500.0) == {bias: 2.5}
+    assert priors(speed_error_std=0.0, effort_bias_std=0.0) == {}
+
+
+def test_the_error_of_the_level_is_the_distance_to_the_plain_peak_while_the_speed_wanders(plain):
+    assert plain[0].level_error(0.9 * MU_MAX) == 0.0
+    wander = InstrumentUncertainty(speed_wander_std=0.003)
+    found = DoubtMonitor(AXLES, DoubtSettings(), wander, 0.5)
+    assert found.level_error(MU_MAX) == 0.0
+    feed(found, make_samples(np.random.default_rng(8), 10.0))
+    peak = found.assessment.plain
+    wanted = np.hypot(0.25, 1.25 * peak.mu_max_std / peak.mu_max)
+    assert found.level_error(0.8 * peak.mu_max) == pytest.approx(wanted)
+    assert peak.mu_max_std > 0.0
+    found._series.add_candidate()
+    assert found.level_error(0.8 * peak.mu_max) == 0.0
 
 
 def test_no_samples_at_all_are_no_block():
