@@ -5,9 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from adhesion_can.diagnosis.inference import curve_shape
 from adhesion_can.diagnosis.inference.curve_shape import (
     FREE,
+    _find_rivals,
     _has_fewer_causes,
+    _is_of_no_contact,
+    _leaves_slip,
+    _shows_in_adhesion,
     choose_families,
     drop_doubtful_effects,
 )
@@ -320,3 +325,133 @@ def test_effects_beside_a_shape_must_be_worth_it_and_significant_each(level, rms
     assert (found is shaped) == kept
     if not kept:
         assert found == ("dropped", plain)
+
+
+# ---------------------------------------------------------------------- what speaks against a shape
+
+
+def shown(after, *, noisy_share=0.0, speed_error=0.0):
+    """Whether a shape shows that leaves so much of a residual of 1 in two halves of the rows.
+
+    The slips of the first half have noise: a share of the residual's variance by the wheel speed,
+    and an error by the vehicle speed, in standard deviations of the rest.
+    """
+    first = np.arange(40) < 20
+    regression = SimpleNamespace(
+        slip_variance_share=np.where(first, noisy_share, 0.1),
+        speed_error_design=np.where(first, 0.02 * speed_error, 0.001)[:, None],
+        scale=np.full(40, 50.0),
+        used=np.arange(40) % 2 == 0,
+        residual=lambda residual: residual,
+    )
+    left = np.where(first, *after)
+    left[1::2] = 9.0  # these rows are held out
+    models = [SimpleNamespace(model=one * (-1.0) ** np.arange(40)) for one in (np.ones(40), left)]
+    return _shows_in_adhesion(regression, *models)
+
+
+@pytest.mark.parametrize("noisy", [{"noisy_share": 0.8}, {"speed_error": 2.0}])
+def test_a_shape_shows_in_rows_whose_error_is_the_adhesions(noisy, monkeypatch):
+    monkeypatch.setattr(curve_shape, "compare_where_effort_is_noisy", lambda *_: None)
+    assert shown((1.0, 0.98), **noisy)
+    assert not shown((0.1, 1.0), **noisy)
+    assert not shown((0.1, 0.995), **noisy)
+    # Where both halves are as exact, both count.
+    assert shown((0.1, 1.0))
+
+
+def test_a_shape_that_shows_in_no_exact_row_does_not_show(monkeypatch):
+    monkeypatch.setattr(curve_shape, "compare_where_effort_is_noisy", lambda *_: None)
+    regression = SimpleNamespace(
+        slip_variance_share=np.full(9, 0.9), speed_error_design=np.zeros((9, 1)), scale=np.ones(9),
+        used=np.ones(9, dtype=bool),
+    )  # fmt: skip
+    any_model = SimpleNamespace(model=None)
+    assert not _shows_in_adhesion(regression, any_model, any_model)
+
+
+@pytest.mark.parametrize(
+    ("left", "still_left", "shows"),
+    [(1.2, 1.0, True), (1.2, 1.19, False), (1.05, 0.9, False), (3.0, 2.9, True)],
+)
+def test_what_the_efforts_noise_explains_is_no_shape(left, still_left, shows, monkeypatch):
+    monkeypatch.setattr(curve_shape, "compare_where_effort_is_noisy", lambda _, model: model)
+    small, large = SimpleNamespace(model=left), SimpleNamespace(model=still_left)
+    assert _shows_in_adhesion(None, small, large) is shows
+
+
+@pytest.mark.parametrize(("measured", "is_none"), [(-0.2, True), (0.2, False)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_peak_behind_which_the_force_is_against_the_slip_is_of_no_contact(
+    measured, is_none, side, monkeypatch
+):
+    """The measured force counts, beyond the peak alone, and rows that were held out do not."""
+    slip = side * np.linspace(0.001, 0.1, 400)
+    beyond = np.abs(slip) > 0.05
+    adhesion = side * np.where(beyond, measured, 0.2)
+    adhesion[1::2] = -side * 0.4
+    predicted = side * np.full(400, 0.25)
+    at = SimpleNamespace(
+        slip=slip, predicted=predicted, residual=adhesion - predicted, conditions=None
+    )
+    monkeypatch.setattr(curve_shape, "evaluate_model", lambda *_: at)
+    curves = SimpleNamespace(slope=lambda *_: np.where(beyond, -1.0, 1.0))
+    model = SimpleNamespace(curves=curves, active_effects=())
+    regression = SimpleNamespace(
+        data=SimpleNamespace(surface=np.zeros(400)), used=np.arange(400) % 2 == 0
+    )
+    assert _is_of_no_contact(regression, SimpleNamespace(model=model)) is is_none
+
+
+def dependence(square, name="slip", gain=0.1):
+    """A dependence of a residual of any RMSE that takes so much off its square."""
+    return SimpleNamespace(
+        channel=SimpleNamespace(name=name), gain=gain, explained_square=lambda _: square
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "left", "rmse", "leaves"),
+    [
+        (2.3, [dependence(1.0)], 1.5, True),
+        (2.3, [dependence(0.5)], 1.5, False),
+        (2.3, [], 1.5, False),
+        (2.3, [dependence(1.0, "speed")], 1.5, False),
+        (2.3, [dependence(1.0, gain=0.02)], 1.5, False),
+        # It explains more than any curve over the slip could: 4.0 - 1.21 of 2.3.
+        (2.3, [dependence(1.0)], 1.1, False),
+        (0.0, [dependence(0.1)], 2.0, True),
+    ],
+)
+def test_a_shape_that_leaves_a_dependence_on_the_slip_is_not_the_shape(before, left, rmse, leaves):
+    def with_rmse(value):
+        return SimpleNamespace(rmse=value)
+
+    findings = SimpleNamespace(
+        selection=SimpleNamespace(plain=with_rmse(2.0)),
+        channels_of_plain=[dependence(9.0, "speed"), dependence(before)],
+    )
+    shaped = SimpleNamespace(
+        selection=SimpleNamespace(best=with_rmse(rmse)), significant_channels_of_best=left
+    )
+    assert _leaves_slip(findings, shaped) is leaves
+
+
+@pytest.mark.parametrize(
+    ("effects", "level", "one_speed", "rivals"),
+    [
+        ([HUMIDITY], 10.0, False, ("humidity",)),
+        ([HUMIDITY], 11.0, False, ()),
+        ([HUMIDITY, SANDING], 9.0, True, ("falling_friction", "humidity")),
+        ([], 10.0, False, ()),
+        ([], 10.0, True, ("falling_friction",)),
+    ],
+)
+def test_rivals_of_a_shape_are_effects_that_explain_as_much(
+    effects, level, one_speed, rivals, monkeypatch
+):
+    """Not those that stand beside it; at one speed a fall of friction is the same as a shape."""
+    monkeypatch.setattr(curve_shape, "is_at_one_speed", lambda _: one_speed)
+    shaped = SimpleNamespace(regression=SimpleNamespace(data=SimpleNamespace(drives=())))
+    best = scored(10.0, candidates=[SANDING] if SANDING in effects else [])
+    assert _find_rivals(shaped, scored(level, candidates=effects), best) == rivals
