@@ -7,37 +7,9 @@ import pytest
 
 from adhesion_can import diagnose, simulate
 from adhesion_can.diagnosis.inference import confirm_on_hold_out
-from adhesion_can.diagnosis.inference.findings import Findings
 from adhesion_can.diagnosis.inference.model_selection import ModelSelection
 from adhesion_can.diagnosis.inference.sensor_noise import NoiseComparison
 from adhesion_can.diagnosis.refutation import environments, refute
-
-
-def share(plain, best, left, *, leaves_more=True):
-    """Share of the excess at two RMSE and a ratio of what is left and the sensors' noise."""
-    found = SimpleNamespace(
-        selection=SimpleNamespace(best=SimpleNamespace(rmse=best)),
-        baseline=SimpleNamespace(rmse=plain),
-        noise=SimpleNamespace(left=left, leaves_more=leaves_more),
-    )
-    return Findings.share_of_excess.func(found)
-
-
-@pytest.mark.parametrize(
-    ("plain", "best", "left", "wanted"),
-    [
-        (2.0, 1.5, 1.5, 1.75 / 3.0),  # noise of variance 1, 1.25 left, 1.75 explained
-        (1.0, 1.0, 2.0, 0.0),
-        (1.0, 1.1, 2.0, 0.0),
-        (10.0, 0.1, 2.0, 1.0),
-    ],
-)
-def test_share_of_what_the_sensors_do_not_explain(plain, best, left, wanted):
-    assert share(plain, best, left) == pytest.approx(wanted, abs=1e-3)
-
-
-def test_where_nothing_exceeds_the_noise_any_gain_is_all():
-    assert share(1.0, 0.999, 1.1, leaves_more=False) == 1.0
 
 
 @pytest.fixture(scope="module")
