@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adhesion_can.estimation.batch_means import FEWEST
 from adhesion_can.estimation.doubt.blocks import ReducedBlocks
 from adhesion_can.estimation.doubt.estimator import DoubtingTracker
 from adhesion_can.estimation.doubt.peak_scatter import slip_scatter
@@ -74,3 +75,27 @@ def test_without_information_of_a_coefficient_the_place_is_unknown(worth):
     assert 0.0 < slip_scatter(blocks, PooledCurve(STEEP)) < np.inf
     grams[:, 1, 1] = worth
     assert slip_scatter(blocks, PooledCurve(STEEP)) == np.inf
+
+
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0), (1e3, 1e-4, 1.0)])
+def test_it_is_the_root_of_the_squared_pulls_of_blocks_that_are_independent(units):
+    """λ_m = ln(c1 c2/c3)/c2 by differences; pulls change their sign from block to block."""
+    rng = np.random.default_rng(3)
+    roots = rng.standard_normal((FEWEST, 3, 5)) * np.array(units)[:, None]
+    grams = roots @ roots.transpose(0, 2, 1)
+    inverse = np.linalg.inv(grams.sum(axis=0))
+
+    def place(theta):
+        c1, c2, c3 = theta
+        return np.log(c1 * c2 / c3) / c2
+
+    theta, step = np.array(STEEP), 1e-6 * np.array(STEEP)
+    gradient = [(place(theta + h) - place(theta - h)) / (2.0 * h.sum()) for h in np.diag(step)]
+    influence = inverse @ gradient
+    scores = rng.standard_normal((FEWEST, 3)) * np.array(units)
+    sign = np.where(np.arange(FEWEST) % 2, -1.0, 1.0)
+    scores *= (sign * np.sign(scores @ influence))[:, None]
+    blocks = ReducedBlocks(grams, np.zeros((3, 3)), scores, FEWEST, np.ones(FEWEST), 1.0)
+    variance = FEWEST / (FEWEST - 3) * np.sum((scores @ influence) ** 2)
+    found = slip_scatter(blocks, PooledCurve(STEEP))
+    assert found == pytest.approx(np.sqrt(variance) / LAMBDA_M, rel=1e-4)
