@@ -1,9 +1,11 @@
 """The interval of a gain against Monte Carlo, and what a gain is reckoned from."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.signal import lfilter
 
 from adhesion_can.diagnosis.gain_result import Gain, GainMethod
@@ -11,15 +13,27 @@ from adhesion_can.diagnosis.inference.hold_out_gain import (
     HoldOutResult,
     HoldOutUnits,
     _compute_gains,
+    _left_out_residuals,
     compute_gain,
+    compute_leave_one_out_gain,
     evaluate_hold_out,
     gain_interval,
+    group_hold_out,
     interval_where_it_acts,
     is_significant,
 )
-from adhesion_can.diagnosis.inference.split_hold_out import split_by_length, split_hold_out
+from adhesion_can.diagnosis.inference.split_hold_out import (
+    held_blocks,
+    split_by_length,
+    split_hold_out,
+)
 from adhesion_can.diagnosis.regression.candidate import Candidate
-from adhesion_can.diagnosis.regression.model import Model, RegressionData
+from adhesion_can.diagnosis.regression.model import (
+    Model,
+    RegressionData,
+    compute_curve_jacobian,
+    evaluate_model,
+)
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression, fit_model
 from adhesion_can.diagnosis.regression.whitening import ContiguousRuns, Whitener
@@ -282,3 +296,167 @@ def test_where_an_effect_acts_in_some_units_there_is_a_second_interval():
         assert len({gain.percent for gain in gains}) == 1
         if acting > 1:
             assert gains[1].interval == interval_where_it_acts(before, after, unit)
+
+
+@pytest.mark.parametrize("strata", [[0] * 7, [0, 0, 0, 1, 1, 1, 1], [0, 0, 0, 0, 1, 1, 2]])
+def test_the_interval_is_that_of_stratified_sums_of_squares(strata):
+    """Cochran's formulas unit by unit; one of a drive by itself counts with all of its share."""
+    rng, stratum = np.random.default_rng(11), np.array(strata)
+    unit = np.repeat(np.arange(7) * 3 + 5, 20)
+    after = rng.standard_normal(140)
+    before = 1.2 * after + 0.5 * rng.standard_normal(140)
+    b, a = (np.array([np.sum(one[unit == u] ** 2) for u in np.unique(unit)])
+            for one in (before, after))  # fmt: skip
+    share, variance, freedom = a / a.sum() - b / b.sum(), 0.0, 0
+    for one in set(strata):
+        own = share[stratum == one]
+        n = len(own)
+        middle = own.mean() if 1 < n < 7 else 0.0
+        variance += n / max(n - 1, 1) * np.sum((own - middle) ** 2)
+        freedom += n - 1
+    reach = stats.t.ppf(0.975, freedom) * np.sqrt(variance)
+    ratio = np.log(a.sum() / b.sum())
+    wanted = [100 * (1 - np.exp((ratio + side * reach) / 2)) for side in (1, -1)]
+    assert gain_interval(before, after, unit, np.repeat(stratum, 20)) == pytest.approx(wanted)
+
+
+def test_a_model_that_leaves_nothing_has_no_interval_where_it_acts():
+    unit = np.repeat(np.arange(5), 10)
+    assert interval_where_it_acts(np.ones(50), np.zeros(50), unit) is None
+    assert interval_where_it_acts(np.zeros(50), np.ones(50), unit) is None
+
+
+# ------------------------------------------------------------------ points, each left out in turn
+
+
+def left_out_by_hand(design, residual, block):
+    """Residuals by the least squares of the other blocks."""
+    out = np.empty(len(residual))
+    for b in np.unique(block):
+        own = block == b
+        out[own] = (
+            residual[own]
+            - design[own] @ np.linalg.lstsq(design[~own], residual[~own], rcond=None)[0]
+        )
+    return out
+
+
+def points(block, scale=1.0, weight=1.0):
+    """A regression of independent points, of which its columns are given as models."""
+    n = len(block)
+    return SimpleNamespace(
+        block=block, used=block >= 0, scale=np.full(n, scale), weight=np.full(n, weight),
+        build_columns=lambda columns: columns.copy(), whiten=lambda columns: columns,
+    )  # fmt: skip
+
+
+def fitted_columns(rng, rows, effect=0.0):
+    """Columns of a fitted model and its residual, and a further column with an effect in it."""
+    design, further = rng.standard_normal((rows, 3)), rng.standard_normal((rows, 1))
+    response = effect * further[:, 0] + rng.standard_normal(rows)
+    residual = response - design @ np.linalg.lstsq(design, response, rcond=None)[0]
+    return np.column_stack([design, residual]), further
+
+
+@pytest.mark.parametrize("size", [1, 4])
+def test_each_block_is_predicted_from_the_others(size):
+    columns, _ = fitted_columns(np.random.default_rng(12), 24)
+    block = np.repeat(np.arange(24 // size), size)
+    found = _left_out_residuals(points(block, 8.0, 0.5), columns)
+    assert found == pytest.approx(left_out_by_hand(columns[:, :-1], columns[:, -1], block) / 4.0)
+
+
+@pytest.mark.parametrize(("size", "what"), [(1, "each point in turn"), (4, "each random group")])
+def test_the_gain_of_points_is_that_of_all_of_them_left_out_in_turn(size, what):
+    columns, further = fitted_columns(np.random.default_rng(13), 40, effect=2.0)
+    block = np.repeat(np.arange(40 // size), size)
+    channel = SimpleNamespace(basis=further)
+    found = compute_leave_one_out_gain(points(block), columns, columns, channel, 0.7)
+    design, residual = columns[:, :-1], columns[:, -1]
+    before = left_out_by_hand(design, residual, block)
+    after = left_out_by_hand(np.column_stack([design, further]), residual, block)
+    rms = [np.sqrt(np.mean(one**2)) for one in (before, after)]
+    assert (found.rmse_before, found.rmse_after) == pytest.approx(rms)
+    assert found.percent == pytest.approx(100.0 * (1.0 - rms[1] / rms[0]))
+    assert found.percent > 40.0
+    assert what in found.units
+    same = compute_leave_one_out_gain(points(block), columns, columns, None, 0.7)
+    assert (same.percent, same.interval) == (0.0, (0.0, 0.0))
+
+
+# --------------------------------------------------------------------- groups of what is held out
+
+
+@pytest.mark.parametrize("by_drive", [False, True])
+def test_a_channel_in_another_drive_leaves_nothing_that_its_own_curve_explains(by_drive):
+    """The curve of the drive that was held out is fitted again, after the channel."""
+    data, regression, plain, wave = channel_beside_a_drive(by_drive)
+    channel = SimpleNamespace(spline_change=wave, prediction_change=0.0 * wave)
+    found = evaluate_hold_out(regression, plain, plain, channel, other_drives=True)
+    assert found.rows.tolist() == np.flatnonzero(data.drive_number == 1).tolist()
+    jacobian = compute_curve_jacobian(data, plain.curves, evaluate_model(data, plain.curves))
+    own = jacobian[found.rows]
+    cosines = own.T @ found.after / np.linalg.norm(own, axis=0) / np.linalg.norm(found.after)
+    assert np.abs(cosines).max() < 0.02
+    assert np.std(found.after) < (0.6 if by_drive else 1.001) * np.std(found.before)
+
+
+def channel_beside_a_drive(with_wave):
+    """Two drives, the second held out, on which a wave of the adhesion may lie."""
+    drives = []
+    for seed in (1, 2):
+        rng, t_s = np.random.default_rng(seed), np.arange(2000) * 0.05
+        slip = 0.11 * np.sin(2 * np.pi * t_s / 7.0)
+        wave = 0.03 * np.sin(t_s)
+        mu = burckhardt(slip) + with_wave * wave + 0.01 * rng.standard_normal(2000)
+        drives.append(build_table_drive(slip, mu, t_s))
+    data = RegressionData(tuple(drives), np.zeros(4000, dtype=np.int64), 1)
+    number = np.repeat([0, 1], 2000) * 100 + np.floor(data.column("t_s") / 2.0).astype(int)
+    whitener = Whitener(np.array([1.0]), ContiguousRuns(np.array([0, 2000]), 4000))
+    zero = np.zeros(4000)
+    regression = WhitenedRegression(
+        data, np.full(4000, 100.0), zero, np.zeros((4000, 0)), np.zeros(2), zero, whitener,
+        np.ones(4000), np.where(data.drive_number == 1, -1 - number, number),
+    )  # fmt: skip
+    start = Model(SegmentCurves(np.array([[0.3, 3.5, 0.3]])))
+    waves = np.tile(0.03 * np.sin(np.arange(2000) * 0.05), 2) * with_wave
+    return data, regression, fit_model(regression, start).model, waves
+
+
+def test_spans_are_those_of_blocks_that_were_held_out_together():
+    """Two spans of three blocks of 2 s in a drive of 40 s, on the clock of the recording."""
+    _, regression, _, _ = channel_beside_a_drive(False)
+    drive = regression.data.drives[0]
+    data = RegressionData((drive,), np.zeros(2000, dtype=np.int64), 1)
+    width = held_blocks(1)
+    number = np.floor(drive.t_s / 2.0).astype(int)
+    held = np.isin(number // width, [1, 3])
+    one = replace(regression, data=data, block=np.where(held, -1 - number, number))
+    found = group_hold_out(one, np.flatnonzero(held), block_length_s=2.0, other_drives=False)
+    start_s = drive.first_us / 1e6
+    spans = [(k * 2.0 * width, (k + 1) * 2.0 * width - 0.05) for k in (1, 3)]
+    assert [one[0] for one in found.spans] == [drive.name] * 2
+    for (_, first, last), wanted in zip(found.spans, spans, strict=True):
+        assert (first - start_s, last - start_s) == pytest.approx(wanted, abs=1e-6)
+    assert set(found.unit) == set(number[held])
+    share = round(100 * held.sum() / 2000)
+    assert found.description == (
+        f"this drive only: 2 spans of {2.0 * width:.1f} s, {share} % of the rows"
+    )
+    assert not found.whole
+
+
+@pytest.mark.parametrize(("drives", "each_is_one"), [(2, False), (3, True)])
+def test_three_recordings_are_units_of_their_own(drives, each_is_one):
+    _, regression, _, _ = channel_beside_a_drive(False)
+    one = regression.data.drives[0]
+    many = RegressionData((one,) * (drives + 1), np.zeros(2000 * (drives + 1), dtype=np.int64), 1)
+    number = many.drive_number * 100 + np.floor(many.column("t_s") / 2.0).astype(int)
+    held = many.drive_number > 0
+    regression = replace(regression, data=many, block=np.where(held, -1 - number, number))
+    rows = np.flatnonzero(held)
+    found = group_hold_out(regression, rows, block_length_s=2.0, other_drives=True)
+    wanted = many.drive_number if each_is_one else number
+    assert found.unit.tolist() == wanted[rows].tolist()
+    assert found.whole
+    assert found.description.startswith(f"{drives} of {drives + 1} recordings: table")
