@@ -4,8 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from adhesion_can.estimation.doubt.blocks import CURVE, TANGENTS, BlockSeries, fit_blocks
+from adhesion_can.estimation.doubt.blocks import (
+    CURVE,
+    TANGENTS,
+    BlockSeries,
+    ReducedBlocks,
+    fit_blocks,
+)
 from adhesion_can.estimation.doubt.directions import EFFORT_BIAS, LOAD, SPEED_SCALE, SURROUNDINGS
 from adhesion_can.estimation.doubt.score_tests import compute_score_tests, select_directions
 from adhesion_can.estimation.doubt.settings import DoubtSettings
@@ -64,6 +71,38 @@ def test_what_is_hidden_is_found_within_a_minute(
         size = compute_score_tests(blocks, BASE).size[CURVE + NAMES.index(name)]
         true = {LOAD: -0.4, SPEED_SCALE: 0.003, EFFORT_BIAS: 3.0}[name]
         assert size == pytest.approx(true, rel=0.25)
+
+
+def test_sizes_and_their_t_are_those_of_the_rows_themselves() -> None:
+    """Regressions of rows without Gram matrices; blocks of different weight."""
+    rng, blocks, size = np.random.default_rng(5), 12, CURVE + len(DIRECTIONS)
+    x = rng.standard_normal((blocks, 30, size)) * rng.uniform(0.5, 2.0, (blocks, 1, 1))
+    y = rng.standard_normal((blocks, 30)) + 0.3 * x[:, :, -1]
+    given = ReducedBlocks(
+        x.transpose(0, 2, 1) @ x, np.zeros((size, size)), np.einsum("bnk,bn->bk", x, y), blocks,
+        np.ones(blocks), 1.0,
+    )  # fmt: skip
+    found = compute_score_tests(given, BASE)
+    base, response = x.reshape(-1, size)[:, list(BASE)], y.ravel()
+
+    def beside_base(column):
+        return column - base @ np.linalg.lstsq(base, column, rcond=None)[0]
+
+    residual = beside_base(response).reshape(blocks, 30)
+    for k in range(TANGENTS, size):
+        rest = beside_base(x[:, :, k].ravel()).reshape(blocks, 30)
+        square, left = np.sum(rest**2, axis=1), np.sum(rest * residual, axis=1)
+        share, slope = square / square.sum(), left.sum() / square.sum()
+        scatter = (left - square * slope) / (1.0 - share)
+        shared = np.sum(scatter[1:] * scatter[:-1]) / np.sum(scatter**2) + 1.5 / blocks
+        rho = min(max(shared, 0.0), 0.9)
+        t = left.sum() / np.sqrt(np.sum(scatter**2) * (1 + rho) / (1 - rho))
+        freedom = 1.0 / np.sum(share**2) - 1.0
+        assert found.size[k] == pytest.approx(slope, rel=1e-5, abs=1e-7)
+        assert found.information[k] == pytest.approx(square.sum(), rel=1e-5)
+        assert found.t[k] == pytest.approx(t, rel=1e-5)
+        assert found.freedom[k] == pytest.approx(freedom, rel=1e-5)
+        assert found.p_value[k] == pytest.approx(2 * stats.t.sf(abs(t), freedom), rel=1e-4)
 
 
 def test_nothing_is_selected_where_nothing_is_hidden() -> None:

@@ -99,6 +99,22 @@ def test_an_error_that_outlasts_a_block_counts_as_more(block_s, times):
     )
 
 
+def test_the_inflation_is_that_of_the_levels_variance_over_all_blocks():
+    """A second block with a quarter of the weights adds 1/4 of the noise, and 1/16 of the error."""
+    rows, wander = rows_of(), SpeedWander(PLACE, STD)
+    faint = rows._replace(weight=rows.weight / 4.0, level_noise=rows.level_noise / 4.0)
+    assert not wander.acts
+    error = wander.add_block(rows, 10.0)
+    noise, square = rows.level_noise, error.level_square(rows)
+    assert wander.inflation == pytest.approx(1.0 + square / noise)
+    wander.add_block(faint, 10.0)
+    assert wander.acts
+    assert wander.inflation == pytest.approx(1.0 + (1.0 + 1.0 / 16.0) * square / (1.25 * noise))
+    for _ in range(40):
+        wander.add_block(faint, 10.0)
+    assert wander.inflation == pytest.approx(1.0 + square / noise / 4.0)
+
+
 def test_without_a_size_there_is_no_error_and_no_inflation():
     wander = SpeedWander(PLACE, 0.0)
     assert wander.add_block(rows_of(), 1.0) is None
