@@ -100,6 +100,8 @@ def run(options: argparse.Namespace) -> int:
     settings = RunSettings(scenario_by_name(SCENARIO), options.duration, obey=True)
     bench = _Bench(config, settings, options.out / "demo.log")
     bench.run(_view(options, bench))
+    for notice in dict.fromkeys(bench.notices):
+        print(f"demo: the service reported: {notice}", file=sys.stderr)
     found = phases(bench.simulation.truth(), bench.rows)
     document = {**bench.simulation.truth(), **provenance(config)}
     write_json(str(options.out / "truth.json"), document, own_name=True)
@@ -167,6 +169,8 @@ class _Bench:
         self.monitor = MonitorState(config)
         """What is on the bus, for the view."""
         self.rows: list[Row] = []
+        self.notices: list[str] = []
+        """What the service reported, as that the machine is too slow."""
         self.recorder = DriveRecorder(config.estimators.identifiability.slip_max)
         self._log = log
         self._clock = _Clock()
@@ -189,7 +193,10 @@ class _Bench:
     def run(self, view: Any) -> None:
         """Run the demo to its end; errors of any party come out here."""
         service = LiveService(
-            self.core, ReconnectingBus(self._open, self.core.ids), clock=self._clock
+            self.core,
+            ReconnectingBus(self._open, self.core.ids),
+            clock=self._clock,
+            notify=self.notices.append,
         )
         thread = threading.Thread(target=self._guarded, args=(service.run,), name="service")
         with (

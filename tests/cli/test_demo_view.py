@@ -4,6 +4,7 @@ import pytest
 
 from adhesion_can.bus.frame import Frame
 from adhesion_can.cli import demo
+from adhesion_can.cli.main import main
 from adhesion_can.config import load_configuration
 from adhesion_can.reporting.terminal.view import draw
 from adhesion_can.simulation.run import RunSettings
@@ -49,6 +50,32 @@ def test_the_drive_says_why_it_probes_until_it_holds(bench):
         simulation.step()
     holds = "The drive holds the creep setpoint: the service knows the peak."
     assert simulation.describe_drive() == holds
+
+
+def test_what_the_service_reports_is_told_once_behind_the_view(tmp_path, monkeypatch, capsys):
+    """On a machine that is too slow it drops frames, and the figures are not what it can do."""
+
+    def run(bench, _):
+        for frames in bench.simulation.run():
+            for frame in frames:
+                bench.core.feed(frame)
+        bench.notices += ["overload: dropping the oldest frames", "the stamps jump"] * 2
+
+    monkeypatch.setattr(demo._Bench, "run", run)
+    assert main(["demo", "--headless", "--duration", "12", "--out", str(tmp_path / "out")]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        "demo: the service reported: overload: dropping the oldest frames",
+        "demo: the service reported: the stamps jump",
+    ]
+
+
+def test_the_bench_keeps_what_its_service_reports(bench, monkeypatch):
+    given = {}
+    monkeypatch.setattr(demo, "LiveService", lambda *_, **options: given.update(options))
+    with pytest.raises(AttributeError):
+        bench.run(None)
+    given["notify"]("overload")
+    assert bench.notices == ["overload"]
 
 
 def test_a_drive_that_obeys_nobody_says_so(tmp_path):
