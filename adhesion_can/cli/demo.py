@@ -100,8 +100,12 @@ def run(options: argparse.Namespace) -> int:
     settings = RunSettings(scenario_by_name(SCENARIO), options.duration, obey=True)
     bench = _Bench(config, settings, options.out / "demo.log")
     bench.run(_view(options, bench))
-    for notice in dict.fromkeys(bench.notices):
-        print(f"demo: the service reported: {notice}", file=sys.stderr)
+    if lost := bench.core.counts.receive_drops:
+        print(
+            f"demo: this machine was too slow: the service lost {lost} frames, and what it found "
+            "may be worse for it; stop other programs and run the demo again",
+            file=sys.stderr,
+        )
     found = phases(bench.simulation.truth(), bench.rows)
     document = {**bench.simulation.truth(), **provenance(config)}
     write_json(str(options.out / "truth.json"), document, own_name=True)
@@ -169,8 +173,6 @@ class _Bench:
         self.monitor = MonitorState(config)
         """What is on the bus, for the view."""
         self.rows: list[Row] = []
-        self.notices: list[str] = []
-        """What the service reported, as that the machine is too slow."""
         self.recorder = DriveRecorder(config.estimators.identifiability.slip_max)
         self._log = log
         self._clock = _Clock()
@@ -193,10 +195,7 @@ class _Bench:
     def run(self, view: Any) -> None:
         """Run the demo to its end; errors of any party come out here."""
         service = LiveService(
-            self.core,
-            ReconnectingBus(self._open, self.core.ids),
-            clock=self._clock,
-            notify=self.notices.append,
+            self.core, ReconnectingBus(self._open, self.core.ids), clock=self._clock
         )
         thread = threading.Thread(target=self._guarded, args=(service.run,), name="service")
         with (
