@@ -30,6 +30,7 @@ from adhesion_can.estimation.doubt.settings import EXACT
 from adhesion_can.files import whole_file
 from adhesion_can.monitoring.snapshot import Transport, TruePeak
 from adhesion_can.monitoring.state import MonitorState
+from adhesion_can.printable import say
 from adhesion_can.recordings.candump import format_frame
 from adhesion_can.recordings.python_can_messages import from_message, to_message
 from adhesion_can.reporting.drive.demonstrated import demo_texts
@@ -101,10 +102,9 @@ def run(options: argparse.Namespace) -> int:
     bench = _Bench(config, settings, options.out / "demo.log")
     bench.run(_view(options, bench))
     if lost := bench.core.counts.receive_drops:
-        print(
+        say(
             f"demo: this machine was too slow: the service lost {lost} frames, and what it found "
-            "may be worse for it; stop other programs and run the demo again",
-            file=sys.stderr,
+            "may be worse for it; stop other programs and run the demo again"
         )
     found = phases(bench.simulation.truth(), bench.rows)
     document = {**bench.simulation.truth(), **provenance(config)}
