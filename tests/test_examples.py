@@ -51,6 +51,7 @@ def test_controller(tmp_path):
     assert float(re.search(r"used (\d+) % of the force", out)[1]) > 60.0
 
 
+@pytest.mark.slow
 def test_diagnose(tmp_path):
     out = run_example("diagnose.py", 60, tmp_path)
     assert "named:   load_dependence" in out
@@ -58,6 +59,7 @@ def test_diagnose(tmp_path):
     assert after < 0.8 * before
 
 
+@pytest.mark.slow
 def test_fmu(tmp_path):
     pytest.importorskip("fmpy", reason="the example needs the extra 'test'")
     out = run_example("fmu.py", 3, tmp_path)
@@ -87,6 +89,7 @@ def test_bench(tmp_path):
     assert int(re.search(r"(\d+) setpoints received", out)[1]) > 50
 
 
+@pytest.mark.slow
 def test_the_notebook_opens_with_pictures_and_runs(tmp_path, monkeypatch):
     nbformat = pytest.importorskip("nbformat", reason="the notebook needs the extra 'test'")
     pytest.importorskip("nbclient", reason="the notebook needs the extra 'test'")

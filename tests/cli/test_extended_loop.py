@@ -144,6 +144,7 @@ def test_the_model_of_a_diagnosis_brings_mu_max_to_the_truth(biased):
     assert all_model < 0.1 * all_plain, figures(biased)
 
 
+@pytest.mark.slow
 def test_the_gain_in_replay_is_that_of_the_diagnosis(biased):
     """Of drives of 80 s; those of 60 s are too short for it: 9 points apart with one seed."""
     by_replay, by_diagnosis = biased.gains

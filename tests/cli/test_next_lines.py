@@ -51,6 +51,7 @@ def test_the_last_line_says_what_to_do(folder, capsys, command, finding):
     assert log in (*getattr(options, "log", ()), *getattr(options, "inputs", ()))
 
 
+@pytest.mark.slow
 def test_json_on_stdout_has_the_line_and_no_text(folder, capsys):
     capsys.readouterr()
     assert main(["check", str(folder / "drive.log"), "--json", "-"]) == 0

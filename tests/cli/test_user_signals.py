@@ -43,6 +43,7 @@ def diagnosed(bench):
     return json.loads(out.read_text()), model
 
 
+@pytest.mark.slow
 def test_the_signal_is_named_with_its_label_and_unit(diagnosed):
     document, _ = diagnosed
     (cause,) = document["causes"]

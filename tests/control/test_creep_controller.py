@@ -1,5 +1,6 @@
 """The reference controller on wheelsets and rails of other code, with and without a service."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -28,8 +29,9 @@ DRY_THETA, DRY_PEAK = (0.4, 60.0, 0.3), 0.0730
 TRUSTED = Advice(Status.TRACKING, Doubt.NONE, DRY_PEAK, 0.02 * DRY_PEAK, DRY_THETA)
 
 
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 6), marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize(
+    ("name", "seeds"), first_quick(itertools.product(SURFACES, (range(2), range(2, 6))))
+)
 def test_without_any_service_the_search_finds_the_peak(name, seeds):
     """With each seed of the sensors: at least 98 % of what is there, and no run-away."""
     for seed in seeds:
@@ -88,8 +90,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 9), marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    ("name", "seeds"), first_quick(itertools.product(WRONG, (range(3), range(3, 9))))
+)
 def test_a_setpoint_that_is_wrong_with_confidence_is_not_followed(name, seeds):
     """TRACKING, no doubt, a standard deviation of 2 %: all of it wrong."""
     theta, slip = WRONG[name]

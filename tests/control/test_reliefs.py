@@ -16,6 +16,7 @@ from adhesion_can.physics.status import Status
 from adhesion_can.physics.vehicle import Locomotive
 from tests.control.driving import DRY, STEEP, constant, drive
 from tests.control.test_creep_controller import DRY_PEAK, DRY_THETA, advice_for
+from tests.seeds import first_quick
 from tests.worlds.without_radar import STEP_S, Driving, Trains
 
 ON = ReliefSettings(enabled=True)
@@ -120,7 +121,7 @@ class Spy(CreepController):
         return effort
 
 
-@pytest.mark.parametrize("trusted", [True, False], ids=["hold", "search"])
+@pytest.mark.parametrize("trusted", first_quick([True, False]), ids=["hold", "search"])
 def test_the_controller_relieves_axles_between_excursions_at_a_small_cost(trusted):
     advice = advice_for(DRY_THETA, DRY_PEAK) if trusted else None
     plain, _ = drive(constant(DRY), 25.0, advice=advice)

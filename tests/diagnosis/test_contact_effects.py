@@ -4,8 +4,6 @@ The simulator has the formulas of the effects here: what is tested is the way fr
 named cause and its size, and on to the service.
 """
 
-import itertools
-
 import pytest
 
 from adhesion_can.cli.main import main
@@ -22,16 +20,11 @@ HIDDEN = {
     "rain=-0.1": {"gain": -0.1},
     "rain:steps=-0.15,ratio=1.2": {"gain": -0.15, "ratio": 1.2},
 }
-QUICK = [("rain=-0.1", 11)]
 
 
-@pytest.mark.parametrize(
-    ("option", "seed"),
-    [
-        pair if pair in QUICK else pytest.param(*pair, marks=pytest.mark.slow)
-        for pair in itertools.product(HIDDEN, (11, 12))
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.parametrize("option", HIDDEN)
 def test_it_is_named_alone_with_its_size(option, seed, tmp_path):
     log = tmp_path / "drive.log"
     drive = ["simulate", "--scenario", "sweep", "--duration", str(DURATION_S), "--seed", str(seed)]

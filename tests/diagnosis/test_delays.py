@@ -179,9 +179,8 @@ def test_several_speeds_separate_a_delay_and_a_relaxation(tmp_path, expected, la
         assert not {"creep_relaxation", "effort_delay"} <= {named} | rivals
 
 
-@pytest.mark.parametrize(
-    "speeds", [pytest.param([10.0], marks=pytest.mark.slow), [5.0, 10.0, 20.0, 8.0]]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("speeds", [[10.0], [5.0, 10.0, 20.0, 8.0]])
 def test_an_early_force_in_quick_sweeps_is_no_average_of_noise(tmp_path, speeds):
     """A relaxation that runs backwards in time, of any length, would explain it too."""
     for seed in (1, 2):
@@ -211,8 +210,9 @@ def noisy_car(path, seed, late_s):
     return write_table(path, columns)
 
 
-@pytest.mark.parametrize("late_s", first_quick([0.05, 0.13, -0.05]))
-@pytest.mark.parametrize("seeds", [range(1), pytest.param(range(1, 4), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("late_s", [0.05, 0.13, -0.05])
+@pytest.mark.parametrize("seeds", [range(1), range(1, 4)])
 def test_noise_of_the_slips_moves_no_delay_and_makes_no_relaxation_of_it(tmp_path, late_s, seeds):
     """Between rows a straight line averages noise, and so does a relaxation."""
     for seed in seeds:

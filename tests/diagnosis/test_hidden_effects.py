@@ -17,7 +17,6 @@ EFFORT_NOISE = 0.009
 """Of adhesion: 1 % of the static load, over loads up to a tenth larger."""
 QUICK_SINGLES = ("wheel_radius", "load_dependence", "creep_relaxation", "effort_bias")
 QUICK_NULLS = ("null:5",)
-QUICK_CONTACTS = ("contact:fastsim",)
 PAIRS = (
     "pair:wheel_radius+humidity",
     "pair:load_dependence+sanding",
@@ -26,7 +25,7 @@ PAIRS = (
 )
 
 
-QUICK = {*QUICK_SINGLES, *QUICK_NULLS, *QUICK_CONTACTS, PAIRS[0]}
+QUICK = {*QUICK_SINGLES, *QUICK_NULLS, PAIRS[0]}
 SHORT_S, LONG_S = 160.0, 240.0
 """Durations of the drives of the quick kinds and of the others."""
 
@@ -76,7 +75,7 @@ def test_one_effect_is_named(seed, kind, tmp_path):
     assert EFFORT_NOISE < gain["rmse_after"] <= 1.1 * truth.floor_on(gain["spans"])
 
 
-@pytest.mark.parametrize("kind", slow_but(QUICK_CONTACTS, CONTACTS))
+@pytest.mark.parametrize("kind", slow_but((), CONTACTS))
 @two_of_three(SEEDS)
 def test_another_contact_is_named_and_nothing_beside_it(seed, kind, tmp_path):
     """Where a curve is steep, whatever averages the noise of the slip gains: it is no lag."""

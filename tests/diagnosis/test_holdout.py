@@ -20,6 +20,7 @@ def diagnosed(folder, *arguments):
     return json.loads((folder / "d.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_drive_held_out_gives_the_gain_of_what_another_one_named(world):
     truth, folder = world
     first, second = str(folder / "a.log"), str(folder / "a_fresh.log")

@@ -32,6 +32,7 @@ def test_what_chance_explains_once_in_twenty_drives_has_no_name(tmp_path):
     assert "its p-value is 4" in closest["refuted_by"]
 
 
+@pytest.mark.slow
 def test_a_motor_that_saturates_is_a_rival_of_the_load(tmp_path):
     path = tmp_path / "drive.log"
     make_outside("outside:motor_saturation", 25000, path)

@@ -236,6 +236,7 @@ def test_the_sentence_says_what_to_drive_and_what_each_predicts():
     assert found.plan.duration_s <= 60.0
 
 
+@pytest.mark.slow
 def test_the_sentence_says_what_was_assumed():
     setting = replace(SETTING, resistance=TrainResistance(1.65e6, 0.0, 0.0, is_known=False))
     found = plan_drive((BIAS, SCALE), setting, PlanLimits())
@@ -357,6 +358,7 @@ def test_a_rival_that_is_named_is_planned_with(rivalled):
     assert set(shown) == {"load_transfer"}
 
 
+@pytest.mark.slow
 def test_a_rival_without_a_law_is_named_where_there_is_no_plan(rivalled, monkeypatch):
     monkeypatch.setattr("adhesion_can.diagnosis.next_drive.explanations.AS_GOOD", 2.0)
     found = diagnose(rivalled, next_drive=True)

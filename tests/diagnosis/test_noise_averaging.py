@@ -67,7 +67,8 @@ def delayed(path, seed, noise):
     return write_table(path, columns)
 
 
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 6), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [range(2), range(2, 6)])
 def test_a_delay_has_to_be_longer_than_half_a_cycle_for_certain(tmp_path, seeds):
     delays = {"effort_delay", "wheel_speed_delay", "speed_delay"}
     for seed in seeds:

@@ -6,10 +6,10 @@ import pytest
 from adhesion_can import diagnose
 from tests.diagnosis.diagnosis_helpers import write_table
 from tests.diagnosis.test_slip_noise import SEEDS, true_contact
-from tests.seeds import first_quick
 
 
-@pytest.mark.parametrize("seed", first_quick(SEEDS))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", SEEDS)
 def test_noise_of_the_slips_is_no_finding(tmp_path, seed):
     # Taken as exact, these slips left 'unexplained' with a gain of 19 % in every draw.
     time_s, slip, adhesion, speed = true_contact(15_000)

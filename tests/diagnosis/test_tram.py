@@ -1,6 +1,7 @@
 """A vehicle of another kind: a tram whose signals come every 50 ms, in km/h and kN."""
 
 import numpy as np
+import pytest
 
 from adhesion_can.diagnosis.diagnose import diagnose
 from adhesion_can.diagnosis.drive.from_traces import build_drive_data_from_traces
@@ -20,6 +21,7 @@ def as_on_the_bus(tram, seed):
     }
 
 
+@pytest.mark.slow
 def test_in_a_tram_in_which_nothing_is_hidden_nothing_is_found():
     """Four drives on dry and low adhesion, with the noise of the tram's own sensors."""
     for seed in range(4):

@@ -19,6 +19,7 @@ def worn(tmp_path_factory):
     return simulate("sweep", 120.0, 1, effects=["wheel_radius=0.01,axle=2"]).write(path)
 
 
+@pytest.mark.slow
 def test_a_cause_is_named_where_noise_is_left(worn):
     assert [cause.effect for cause in diagnose(worn).causes] == ["wheel_radius"]
 
@@ -29,6 +30,7 @@ def test_a_cause_is_named_at_the_one_percent_level(worn, monkeypatch, p_value, i
     assert [cause.effect for cause in diagnose(worn).causes] == ["wheel_radius"] * is_named
 
 
+@pytest.mark.slow
 def test_a_cause_with_too_small_a_share_is_the_closest(worn, monkeypatch):
     monkeypatch.setattr(refute, "LEAST_OF_EXCESS", 2.0)
     found = diagnose(worn)

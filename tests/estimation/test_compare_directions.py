@@ -5,6 +5,7 @@ import pytest
 
 from adhesion_can import identify
 from adhesion_can.result_text import TimeScale
+from tests.seeds import first_quick
 
 SEEDS = range(20)
 FEW = range(3)
@@ -20,7 +21,7 @@ def contact(seed, rows=4000, top=0.1, mu=0.35, noise=0.01):
     return slip, adhesion + noise * rng.standard_normal(rows), rng
 
 
-@pytest.mark.parametrize("noise", [0.003, 0.03, 0.1])
+@pytest.mark.parametrize("noise", first_quick([0.03, 0.003, 0.1]))
 @pytest.mark.parametrize("seeds", [FEW, pytest.param(SEEDS, marks=pytest.mark.slow)], ids=len)
 def test_one_curve_is_identified_whatever_the_noise(noise, seeds):
     found = [identify(*contact(seed, noise=noise)[:2]).segments[0] for seed in seeds]

@@ -151,9 +151,8 @@ def work(tmp_path, seed, effects, steps=("calibrate", "diagnose"), config=CONFIG
     return found
 
 
-@pytest.mark.parametrize(
-    "seeds", [range(400, 402), pytest.param(range(402, 408), marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [range(400, 402), range(402, 408)])
 def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(
     tmp_path, seeds
 ):

@@ -83,6 +83,7 @@ def test_the_service_gives_what_its_slave_gives_to_the_bit(host, config):
     assert host.said == []
 
 
+@pytest.mark.slow
 def test_the_three_coupled_give_what_one_process_gives(host, config):
     slaves = [SLAVES[kind](config) for kind in KINDS]
     expected = coupled(slaves, 1.5, duration=1.5)

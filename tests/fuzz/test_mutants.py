@@ -16,7 +16,12 @@ FEW = settings(QUICK, max_examples=5)
 IN_A_PROCESS = ".mf4"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+EACH_KIND = [
+    pytest.param(kind, marks=pytest.mark.slow) if kind == IN_A_PROCESS else kind for kind in KINDS
+]
+
+
+@pytest.mark.parametrize("kind", EACH_KIND)
 def test_seeds_are_sound(kind):
     outcomes = [play(kind, data) for data in seeds(kind)]
     assert {outcome.status for outcome in outcomes} <= {0, 1}
@@ -32,13 +37,7 @@ def small_heap():
 
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("small_heap")
-@pytest.mark.parametrize(
-    "kind",
-    [
-        pytest.param(kind, marks=pytest.mark.slow) if kind == IN_A_PROCESS else kind
-        for kind in KINDS
-    ],
-)
+@pytest.mark.parametrize("kind", EACH_KIND)
 @QUICK
 @given(number=st.integers(0, 10**9), command=st.integers(0, 5))
 def test_a_mutant_is_used_or_refused(kind, number, command):

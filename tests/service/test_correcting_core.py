@@ -77,7 +77,7 @@ def test_a_model_takes_over_after_its_time_and_stays():
     assert noted.sent != play(ServiceCore(CONFIG))
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(
     st.lists(
         st.tuples(st.integers(0, 5_900_000), st.sampled_from([None, -0.01, 0.004])), max_size=3

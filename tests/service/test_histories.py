@@ -11,18 +11,16 @@ from tests.histories.faults import KINDS, QUANTITIES, Fault, S, draw
 from tests.histories.play import estimator_of, judge, play
 from tests.histories.simulated_bus import Record, SimulatedBus
 from tests.histories.traffic import START_US
+from tests.seeds import first_quick
 from tests.service.test_core import status
 from tests.wire import sealed
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-ALONE = [
-    pytest.param(name, size, id=f"{name}-{size:g}")
-    for name, kind in KINDS.items()
-    for size in {kind.sizes[0], kind.sizes[-1]}
-]
+LARGEST = [(name, kind.sizes[-1]) for name, kind in KINDS.items()]
+SMALLEST = [(name, kind.sizes[0]) for name, kind in KINDS.items() if len(kind.sizes) > 1]
 
 
-@pytest.mark.parametrize(("name", "size"), ALONE)
+@pytest.mark.parametrize(("name", "size"), first_quick(LARGEST + SMALLEST, len(LARGEST)))
 def test_each_fault_alone(name, size):
     kind = KINDS[name]
     from_us = 0 if kind.at_start else 2 * S

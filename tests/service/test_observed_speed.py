@@ -194,6 +194,7 @@ def with_satellites(drive, tmp_path_factory):
     return config, sorted([*drive[0], *frames], key=lambda frame: frame.t_us)
 
 
+@pytest.mark.slow
 def test_frames_and_columns_agree_with_a_speed_by_satellites(with_satellites):
     config, items = with_satellites
     core, _ = assert_same(items[:9000], config=config, make=None, cuts=9)

@@ -108,6 +108,7 @@ def test_resistance_of_curves_by_roeckl(plain):
     assert np.median(share[tight]) == pytest.approx(wanted, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_blended_brake_hides_a_share_of_braking_alone():
     plain, _ = signals(duration=16.0)
     true = column(plain, EFFORTS[0])

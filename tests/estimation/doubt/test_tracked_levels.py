@@ -9,7 +9,8 @@ from tests.estimation.doubt.doubt_helpers import AXLES, in_seconds
 from tests.estimation.doubt.test_level_scatter import MU_MAX, drive
 
 
-@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 7), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [range(2), range(2, 7)])
 def test_a_long_drive_over_joints_is_not_tracked_with_a_wrong_peak(seeds):
     """After 64 blocks one holds more than a joint: their means no longer show the level's."""
     wrong, tracked = [], []

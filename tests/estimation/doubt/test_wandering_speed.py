@@ -172,7 +172,7 @@ def test_the_error_of_the_level_is_the_distance_from_the_curve_of_all_samples(mo
     assert wanders.level_error(0.9 * peak_of_all.mu_max) == pytest.approx(1 / 9, rel=0.01)
 
 
-@pytest.mark.parametrize("seed", first_quick(range(20), 3))
+@pytest.mark.parametrize("seed", first_quick(range(20)))
 def test_a_stated_wander_is_no_doubt_and_no_change_and_the_peak_is_known_better(seed):
     """Else the same errors inflate all variances. In 20 drives each of this holds in all."""
     samples = wandering(seed)

@@ -1,6 +1,7 @@
 """The Gaussian state against textbook formulas, and what efforts alone say about axles."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -58,6 +59,7 @@ def test_rows_are_added_as_by_a_matrix(seed):
     assert np.allclose(state.covariance[0], F @ P @ F.T)
 
 
+@pytest.mark.slow
 @given(seeds, st.floats(0.08, 0.35), st.sampled_from([-1.0, 1.0]))
 def test_noise_of_a_steady_effort_is_no_way_along_the_curve(seed, adhesion, sign):
     rng = np.random.default_rng(seed)
