@@ -13,7 +13,7 @@ from adhesion_can.physics.curves.polach import Polach
 _ALL: tuple[CurveFamily, ...] = (Burckhardt(), BurckhardtC4(), Polach(), MagicFormula(), Free())
 
 FAMILIES: Mapping[str, CurveFamily] = MappingProxyType({family.name: family for family in _ALL})
-"""Families by name: Burckhardt first, the free curve last."""
+"""Families by name: Burckhardt first, the others in the order in which they were added."""
 
 
 def family_by_name(name: str) -> CurveFamily:
