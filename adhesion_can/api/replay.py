@@ -13,7 +13,7 @@ from adhesion_can.api.replayed_models import ReplayedModels
 from adhesion_can.offline.recording_fit import SeenIds, require_fit
 from adhesion_can.offline.stamps import in_seconds
 from adhesion_can.recordings.sequence import blocks_in_sequence
-from adhesion_can.reporting.setpoints import COLUMNS, setpoint_row
+from adhesion_can.reporting.setpoints import setpoint_columns, setpoint_row
 from adhesion_can.result_text import html_table
 from adhesion_can.service.outputs import Outputs
 from adhesion_can.service.replay import require_frames_in_span
@@ -25,8 +25,9 @@ class SetpointTable(dict[str, NDArray[Any]]):
     `time_s` (s, on the clock of the recording), `status` (text), `mu_max`, `mu_max_std`,
     `lambda_m`, `lambda_m_std`, `c1`, `c2`, `c3`, `surface_age_s` (s), `mu_max_ax1` and so on, and
     as texts `doubt` (a name of `AdhesionQuality.Doubt`), `family` (the most probable family of
-    curves) and `objection` (what the readings cannot be, or NONE); where not available numbers are
-    NaN and texts empty. It is a dict, so `pandas.DataFrame(table)` takes it as it is.
+    curves) and `objection` (what the readings cannot be, or NONE), and where the service observes
+    the vehicle speed `speed_source`; where not available numbers are NaN and texts empty. It is a
+    dict, so `pandas.DataFrame(table)` takes it as it is.
     """
 
     def to_dict(self) -> dict[str, list[Any]]:
@@ -73,12 +74,13 @@ def replay(
 
     """
     settings = as_configuration(configuration, model)
+    chosen = setpoint_columns(speed_observed=settings.observes_speed)
     times: list[int] = []
     rows: list[list[float]] = []
 
     def add(t_us: int, outputs: Outputs) -> None:
         times.append(t_us)
-        rows.append(setpoint_row(outputs))
+        rows.append(setpoint_row(outputs, chosen))
 
     opened, seen = as_recordings(recordings), SeenIds()
     where = name_of(opened)
@@ -92,8 +94,8 @@ def replay(
     require_frames_in_span(summary, from_s, where)
     samples = core.counts.samples
     require_fit(core.receiver, summary.frames, seen, settings, where, samples=samples)
-    numbers = np.array(rows, dtype=np.float64).reshape(-1, len(COLUMNS)).T
+    numbers = np.array(rows, dtype=np.float64).reshape(-1, len(chosen)).T
     columns = {
-        column.field.name: column.values(n) for column, n in zip(COLUMNS, numbers, strict=True)
+        column.field.name: column.values(n) for column, n in zip(chosen, numbers, strict=True)
     }
     return SetpointTable({"time_s": np.array(times, dtype=np.float64) / 1e6, **columns})

@@ -39,7 +39,7 @@ LEAST_REVERSALS = 48
 """Number of reversals between strong changes of the slope, in a window, from which a signal is
 noisy. White noise of half a step of the resolution gives 27 at most, of 1.5 steps 71 at least, and
 a smooth signal none."""
-MEDIAN_BEND = 0.6745 * sqrt(6.0)
+MEDIAN_CHANGE = 0.6745 * sqrt(6.0)
 """Median size of a change of the slope in white noise, in standard deviations."""
 
 
@@ -66,7 +66,7 @@ class StuckSignalCheck:
     """Latest change of the value."""
     _turn: int = field(default=0, init=False)
     """Sign of the latest change of the slope; 0 where it was not strong."""
-    _bends: list[float] = field(default_factory=list, init=False)
+    _changes: list[float] = field(default_factory=list, init=False)
     """Changes of the slope in this window."""
     _reversals: int = field(default=0, init=False)
     _longest: int = field(default=0, init=False)
@@ -81,15 +81,15 @@ class StuckSignalCheck:
             self._run += 1
         else:
             step = value - self._value
-            bend, strong = step - self._step, STRONG_STEPS * self.resolution
-            turn = (bend >= strong) - (bend <= -strong)
-            self._bends.append(bend)
+            change, strong = step - self._step, STRONG_STEPS * self.resolution
+            turn = (change >= strong) - (change <= -strong)
+            self._changes.append(change)
             self._reversals += turn * self._turn < 0
             run = self._usual(self._run, self._value)
             self._total += run
             self._longest = max(self._longest, run)
             self._value, self._run, self._step, self._turn = value, 1, step, turn
-            if len(self._bends) == WINDOW:
+            if len(self._changes) == WINDOW:
                 self._end_window()
         self.is_stuck = 0 < self.limit <= self._run and not self._rests(value)
         return self.is_stuck
@@ -121,15 +121,15 @@ class StuckSignalCheck:
         with np.errstate(over="ignore", invalid="ignore"):
             steps = np.diff(values, prepend=self._value)
             changed = np.flatnonzero(steps != 0.0)
-            bends = np.diff(steps[changed], prepend=self._step)
+            changes = np.diff(steps[changed], prepend=self._step)
             rests = np.abs(np.append(self._value, values) - self.rest) <= self.resolution / 2.0
         strong = STRONG_STEPS * self.resolution
-        turns = (bends >= strong).astype(np.int64) - (bends <= -strong)
+        turns = (changes >= strong).astype(np.int64) - (changes <= -strong)
         begins = np.append(-self._run, changed)
         ended = np.diff(begins)
         ended[rests[changed]] = 0
         reversed_ = turns * np.append(self._turn, turns[:-1]) < 0
-        limits = self._limits(len(values), changed, bends, ended, reversed_)
+        limits = self._limits(len(values), changed, changes, ended, reversed_)
         run = np.arange(1, len(values) + 1) - np.repeat(
             begins, np.diff(changed, prepend=0, append=len(values))
         )
@@ -144,7 +144,7 @@ class StuckSignalCheck:
         self,
         size: int,
         changed: NDArray[np.int64],
-        bends: Array,
+        changes: Array,
         ended: NDArray[np.int64],
         reversed_: NDArray[np.bool_],
     ) -> NDArray[np.int64]:
@@ -153,7 +153,7 @@ class StuckSignalCheck:
         Args:
             size: Number of readings, n.
             changed: Readings that differ from the one before, ascending, shape (k,).
-            bends: Changes of the slope at these, SI, shape (k,).
+            changes: Changes of the slope at these, SI, shape (k,).
             ended: Length of the run that each of them ended, 0 for a stop, shape (k,).
             reversed_: Whether each of them reversed a strong change of the slope, shape (k,).
 
@@ -161,14 +161,14 @@ class StuckSignalCheck:
         limits = np.full(size, self.limit)
         done = 0
         while done < len(changed):
-            rows = slice(done, min(done + WINDOW - len(self._bends), len(changed)))
+            rows = slice(done, min(done + WINDOW - len(self._changes), len(changed)))
             runs = np.minimum(ended[rows], self.limit) if self.limit else ended[rows]
-            self._bends += bends[rows].tolist()
+            self._changes += changes[rows].tolist()
             self._reversals += int(reversed_[rows].sum())
             self._total += int(runs.sum())
             self._longest = max(self._longest, int(runs.max()))
             done = rows.stop
-            if len(self._bends) == WINDOW:
+            if len(self._changes) == WINDOW:
                 self._end_window()
                 limits[changed[done - 1] :] = self.limit
         return limits
@@ -178,13 +178,13 @@ class StuckSignalCheck:
         by_noise = ceil(self._most_equal() * max(self._total / WINDOW, 1.0))
         judged = self._reversals >= LEAST_REVERSALS and self._total <= MOST_READINGS * WINDOW
         self.limit = max(by_runs, by_noise) if judged else 0
-        self._bends.clear()
+        self._changes.clear()
         self._reversals = self._longest = self._total = 0
 
     def _most_equal(self) -> float:
         """Number of equal neighbours in a row that noise gives with the set probability."""
-        bends = np.abs(self._bends)
-        steps = float(np.median(bends)) / MEDIAN_BEND
+        changes = np.abs(self._changes)
+        steps = float(np.median(changes)) / MEDIAN_CHANGE
         # Where equal neighbours have the probability that the noise gives to a signal at rest.
         equal = self.resolution / (2.0 * sqrt(pi) * steps) if steps > 0.0 else MOST_EQUAL
         return 1.0 + log(FALSE_ALARM) / log(min(max(equal, LEAST_EQUAL), MOST_EQUAL))

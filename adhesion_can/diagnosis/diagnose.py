@@ -79,8 +79,8 @@ from adhesion_can.diagnosis.regression.whitened_regression import FittedModel
 from adhesion_can.diagnosis.result import Diagnosis, Verdict
 from adhesion_can.diagnosis.rules import apply_rules
 from adhesion_can.physics.driving_plan import PlanLimits
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
 from adhesion_can.physics.effects.formula import AnyFormula
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE
 
 ShowProgress = Callable[[str, float], None]
 """Callback with the name of the work in progress and the share that is done."""

@@ -27,7 +27,7 @@ from adhesion_can.estimation.identifiability import IdentifiabilitySettings
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.channels import model_channel
 from adhesion_can.physics.curves import Conditions, CurveFamily
-from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.curves.burckhardt_family import curve_with_peak
 from adhesion_can.physics.effects import ActiveEffect
 from adhesion_can.physics.effects.empirical import Empirical
 from adhesion_can.physics.estimate import Estimate

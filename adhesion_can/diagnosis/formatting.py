@@ -7,8 +7,8 @@ import numpy as np
 
 from adhesion_can.diagnosis.cause_result import ParameterValue
 from adhesion_can.physics.effects import forms_of_effect
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CURVE_SHAPE_TITLE
 from adhesion_can.physics.effects.effort_gain import EFFORT_GAIN, EFFORT_GAIN_TITLE
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE, CURVE_SHAPE_TITLE
 
 LEAST_P = 1e-3
 """Smallest p-value that is printed; a smaller one is printed as being below it."""

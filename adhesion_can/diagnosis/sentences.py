@@ -17,9 +17,9 @@ from adhesion_can.diagnosis.result import Diagnosis
 from adhesion_can.physics.channels import channel_label
 from adhesion_can.physics.curves import FAMILIES
 from adhesion_can.physics.effects import Observability, forms_of_effect
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
-from adhesion_can.physics.effects.curve_shape import OBSERVABILITY as SHAPE_OBSERVABILITY
 from adhesion_can.physics.effects.formula import FORMULA
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE
+from adhesion_can.physics.effects.shape_factor import OBSERVABILITY as SHAPE_OBSERVABILITY
 
 
 def separation_sentence(effect: str, rivals: Sequence[str]) -> str:

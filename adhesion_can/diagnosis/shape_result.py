@@ -21,7 +21,7 @@ from adhesion_can.estimation.identifiability import (
     require_fall,
 )
 from adhesion_can.physics.curves import Conditions
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CURVE_SHAPE_TITLE
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE, CURVE_SHAPE_TITLE
 from adhesion_can.physics.estimate import Estimate
 
 SLIP_MAX = IdentifiabilitySettings().slip_max

@@ -60,8 +60,9 @@ class CurveMisfit(NamedTuple):
     segments: int
 
     def to_dict(self) -> dict[str, float | int]:
-        """Entry for `--json`."""
-        return {"rmse": self.rmse, "samples": self.samples, "stretches": self.segments}
+        """Entry for `--json`; `stretches` is an earlier name of `segments`."""
+        segments = {"segments": self.segments, "stretches": self.segments}
+        return {"rmse": self.rmse, "samples": self.samples, **segments}
 
 
 class _Rows(NamedTuple):

@@ -75,6 +75,8 @@ class Parameter:
         search: Values at which a search starts, where the parameter is not the size.
         step: Step of a numerical derivative, in `unit`; 0: a share of `typical`.
         prior: What is expected of the value; None where no fit uses it.
+        linear: Whether a diagnosis fits the value itself; else it fits the logarithm of a value
+            that is always positive.
 
     """
 
@@ -91,6 +93,7 @@ class Parameter:
     search: SearchStart = SearchStart.SCALES
     step: float = 0.0
     prior: NormalPrior | None = None
+    linear: bool = False
 
     def normal(self, mean: float, std: float) -> "Parameter":
         """The parameter with a prior: its value is normal about `mean`."""

@@ -20,7 +20,7 @@ from adhesion_can.diagnosis.inference.equivalent_effects import EQUAL_GAIN
 from adhesion_can.diagnosis.inference.model_comparison import LEVEL
 from adhesion_can.diagnosis.result import Diagnosis, FamilyResult
 from adhesion_can.physics.channels import channel_label
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE
 from adhesion_can.plurals import counted
 from adhesion_can.result_text import HELD_OUT_RMSE
 

@@ -169,6 +169,11 @@ SPEED_SOURCE = _names(
 """Further column, of a service that observes the vehicle speed."""
 
 
+def setpoint_columns(*, speed_observed: bool) -> tuple[SetpointColumn, ...]:
+    """Columns of a service's setpoints beside `time_s`."""
+    return (*COLUMNS, SPEED_SOURCE) if speed_observed else COLUMNS
+
+
 def setpoint_row(outputs: Outputs, columns: Iterable[SetpointColumn] = COLUMNS) -> list[float]:
     """Numbers of a row, one of each column; NaN where not available."""
     return [column.number(outputs) for column in columns]
@@ -189,7 +194,7 @@ def setpoint_table(
         InputError: The format is unknown, an extra is missing, or the disk is full.
 
     """
-    chosen = (*COLUMNS, SPEED_SOURCE) if speed_observed else COLUMNS
+    chosen = setpoint_columns(speed_observed=speed_observed)
     with open_table(
         path, [column.field for column in chosen], origin, name="AdhesionSetpoint"
     ) as write:

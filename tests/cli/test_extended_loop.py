@@ -150,7 +150,7 @@ def test_the_gain_in_replay_is_that_of_the_diagnosis(biased):
     by_replay, by_diagnosis = biased.gains
     assert by_replay == pytest.approx(by_diagnosis, abs=4.0), figures(biased)
     fits = [said.document["fit"] for said in (biased.plain, biased.model)]
-    assert [fit["stretches"] for fit in fits] == [1, 1]
+    assert [fit["segments"] for fit in fits] == [1, 1]
     assert fits[0]["samples"] > 0.99 * biased.plain.document["samples"]
 
 
@@ -174,7 +174,7 @@ def test_each_rail_has_a_curve_of_its_own(tmp_path):
     assert main(drive) == 0
     assert main(["replay", str(log), "--estimator", "rls", "--json", str(target)]) == 0
     fit = json.loads(target.read_text())["fit"]
-    assert fit["stretches"] == 4
+    assert fit["segments"] == 4
     assert 0.009 < fit["rmse"] < 0.012, "the noise of the efforts is 1 % of the axle load"
 
 

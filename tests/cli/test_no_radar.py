@@ -3,8 +3,10 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 
+import adhesion_can
 from adhesion_can.cli.main import main
 from tests.gnss_configuration import write_gnss_configuration
 
@@ -85,3 +87,11 @@ def test_a_service_that_observes_cannot_learn(folder, capsys):
     typed = ["run", "-i", "virtual", "-c", "no_radar", "--config", str(folder / "observed.toml")]
     assert main([*typed, "--learn", "propose", "--learn-to", str(folder / "models")]) == 2
     assert "measured vehicle speed" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("rows")
+def test_the_table_in_python_says_that_the_speed_is_observed_as_the_written_one_does(folder):
+    log, config = folder / "d.log", folder / "observed.toml"
+    table = adhesion_can.replay(log, config, to_s=1.0)
+    assert set(table["speed_source"]) == {"", "observed"}
+    assert np.array_equal(table["speed_source"] == "observed", ~np.isnan(table["speed_mps"]))

@@ -5,7 +5,7 @@ import pytest
 
 from adhesion_can.config.model_file import read_model, write_model
 from adhesion_can.diagnosis.diagnose import diagnose
-from adhesion_can.physics.effects.curve_shape import CurveShape
+from adhesion_can.physics.effects.shape_factor import CurveShape
 from tests.diagnosis.diagnosis_helpers import build_table_drive, burckhardt, two_of_three
 
 ROWS, NOISE = 3000, 0.003

@@ -13,7 +13,7 @@ from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.physics.burckhardt import adhesion
 from adhesion_can.physics.curves import FAMILIES, Conditions, bounds
 from adhesion_can.physics.effects import Contact, LagStates
-from adhesion_can.physics.effects.curve_shape import CurveShape
+from adhesion_can.physics.effects.shape_factor import CurveShape
 from tests.diagnosis.diagnosis_helpers import build_table_drive
 
 N = 500

@@ -19,7 +19,7 @@ from adhesion_can.diagnosis.regression.model import EXCLUDED
 from adhesion_can.diagnosis.sentences import cause_sentence, separation_sentence
 from adhesion_can.offline.load_traces import load_traces
 from adhesion_can.physics.effects import EFFECTS
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE
 from adhesion_can.physics.vehicle import Locomotive
 from adhesion_can.recordings.recording import Recording
 from tests.diagnosis.bad_logs import write

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from adhesion_can.physics.burckhardt import adhesion, adhesion_full, peak
 from adhesion_can.physics.contact_stiffness import initial_stiffness
 from adhesion_can.physics.curves import FAMILIES, Conditions, bounds, family_by_name
-from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.curves.burckhardt_family import curve_with_peak
 from adhesion_can.physics.curves.peak_search import rough_peak
 from adhesion_can.physics.curves.same_peak import burckhardt_with_same_peak
 from adhesion_can.physics.curves.surfaces import POLACH_RAIL

@@ -21,7 +21,7 @@ from adhesion_can.diagnosis.regression.candidate import Candidate
 from adhesion_can.diagnosis.regression.model import Model, remove_effect
 from adhesion_can.diagnosis.regression.whitened_regression import fit_model
 from adhesion_can.diagnosis.sentences import name_with_wave
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE
 
 CLEAR_GAIN = 5.0
 """Gain of another shape, %, that counts although its interval holds 0: some parts of a drive show

@@ -30,6 +30,7 @@ from adhesion_can.diagnosis.inference.sensor_noise import compare_where_effort_i
 from adhesion_can.diagnosis.inference.shape_finding import ScoredFamily, ShapeFinding
 from adhesion_can.diagnosis.regression.fit_families import fit_family_curves
 from adhesion_can.diagnosis.regression.model import Model, evaluate_model
+from adhesion_can.diagnosis.regression.prepare_regression import FIRST_ITERATIONS
 from adhesion_can.diagnosis.regression.segment_curves import SegmentCurves
 from adhesion_can.diagnosis.regression.whitened_regression import WhitenedRegression
 from adhesion_can.estimation.compare_directions import share_opposite
@@ -47,7 +48,6 @@ LARGEST_LOSS = 0.02
 NEARLY_AS_GOOD = 0.1
 """Share by which the RMSE of a family alone may exceed that of named effects on Burckhardt's curve,
 on the weights of the latter, for the family to be tried in their place."""
-FIRST_ITERATIONS = 30
 MOST_LEFT = 0.25
 """Largest share that a family leaves of what a slip spline explains on Burckhardt's curve."""
 BESIDE_SHAPE = 0.05

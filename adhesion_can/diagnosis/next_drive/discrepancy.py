@@ -209,7 +209,7 @@ class _PlannedRegression:
 def _fit_rival(
     regression: _PlannedRegression, drive: PlannedDrive, rival: Explanation
 ) -> FittedRival:
-    """Fit a rival by Gauss-Newton steps; the prior holds it near its estimates."""
+    """Fit a rival by shortened Gauss-Newton steps; the prior holds it near its estimates."""
     prior, model = _prior(rival), rival.model
     before = model.parameter_vector
 

@@ -19,7 +19,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     WhitenedRegression,
     fit_model,
 )
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE
 
 AS_GOOD = 0.9
 """Share of what a named effect explains, from which its rival can be planned with: less shows that

@@ -36,7 +36,7 @@ from adhesion_can.diagnosis.regression.whitened_regression import (
     WhitenedRegression,
     fit_model,
 )
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE
 
 DECISIVE = 1.0
 """Badness of a reason that has no size of its own, as a parameter at the end of its range."""

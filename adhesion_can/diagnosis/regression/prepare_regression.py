@@ -51,6 +51,7 @@ TABLE_BLOCKS, TABLE_BLOCK_S = 120, (0.2, 4.0)
 POINT_BLOCKS = 400
 """Largest number of blocks of independent points; fewer points are blocks of one point each."""
 FIRST_ITERATIONS = 30
+"""Largest number of steps of the first fit of a curve, which may start far from it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
+from adhesion_can.estimation.curves.coordinates import to_coordinates, to_values
 from adhesion_can.physics.burckhardt import Peak
 from adhesion_can.physics.curves import FAMILIES, Conditions, CurveFamily, bounds
 
 BURCKHARDT = FAMILIES["burckhardt"]
-LINEAR = ("c1",)
-"""Positive parameters that enter as they are, since the curve is linear in them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +34,7 @@ class SegmentCurves:
     @classmethod
     def from_parameters(cls, family: CurveFamily, parameters: Array) -> "SegmentCurves":
         """Curves from the family's parameters, shape (surfaces, k)."""
-        logs = _logarithmic(family)
-        safe = np.where(logs, np.maximum(parameters, 1e-300), 1.0)
-        return cls(np.where(logs, np.log(safe), parameters), family)
+        return cls(to_coordinates(parameters, _logarithmic(family)), family)
 
     @property
     def size(self) -> int:
@@ -47,8 +44,7 @@ class SegmentCurves:
     @property
     def parameters(self) -> Array:
         """The family's parameters of each surface, shape (surfaces, k)."""
-        logs = _logarithmic(self.family)
-        return np.where(logs, np.exp(np.where(logs, self.values, 0.0)), self.values)
+        return to_values(self.values, _logarithmic(self.family))
 
     @property
     def scales(self) -> Array:
@@ -59,9 +55,7 @@ class SegmentCurves:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the coordinates of a curve, shape (k,) each."""
         logs = _logarithmic(self.family)
-        lower, upper = (
-            np.where(logs, np.log(np.where(logs, end, 1.0)), end) for end in bounds(self.family)
-        )
+        lower, upper = (to_coordinates(end, logs) for end in bounds(self.family))
         return lower, upper
 
     def with_values(self, values: Array) -> "SegmentCurves":
@@ -99,4 +93,4 @@ class SegmentCurves:
 
 def _logarithmic(family: CurveFamily) -> NDArray[np.bool_]:
     """Whether each parameter of a family enters by its logarithm, shape (k,)."""
-    return np.array([p.lower > 0.0 and p.name not in LINEAR for p in family.parameters])
+    return np.array([p.lower > 0.0 and not p.linear for p in family.parameters])

@@ -35,11 +35,11 @@ class Coordinates(Value):
     def to_values(self, coordinates: Array) -> Array:
         """Values of the family's parameters, shape (k, ...)."""
         logs = self.logarithmic.reshape(-1, *[1] * (coordinates.ndim - 1))
-        return np.where(logs, np.exp(np.where(logs, coordinates, 0.0)), coordinates)
+        return to_values(coordinates, logs)
 
     def from_values(self, values: Array) -> Array:
         """Coordinates of values of the family's parameters, shape (k,)."""
-        return _from_values(values, self.logarithmic)
+        return to_coordinates(values, self.logarithmic)
 
 
 def coordinates_of(family: CurveFamily) -> Coordinates:
@@ -51,13 +51,19 @@ def coordinates_of(family: CurveFamily) -> Coordinates:
     lower, upper = bounds(family)
     return Coordinates(
         logarithmic,
-        _from_values(mean, logarithmic),
+        to_coordinates(mean, logarithmic),
         std**-2.0,
-        _from_values(lower, logarithmic),
-        _from_values(upper, logarithmic),
+        to_coordinates(lower, logarithmic),
+        to_coordinates(upper, logarithmic),
     )
 
 
-def _from_values(values: Array, logarithmic: NDArray[np.bool_]) -> Array:
+def to_values(coordinates: Array, logarithmic: NDArray[np.bool_]) -> Array:
+    """Values of parameters of which some are given by their logarithm; shapes broadcast."""
+    return np.where(logarithmic, np.exp(np.where(logarithmic, coordinates, 0.0)), coordinates)
+
+
+def to_coordinates(values: Array, logarithmic: NDArray[np.bool_]) -> Array:
+    """The reverse of `to_values`; a value below `LEAST_VALUE` counts as that."""
     positive = np.where(logarithmic, np.maximum(values, LEAST_VALUE), 1.0)
     return np.where(logarithmic, np.log(positive), values)

@@ -16,7 +16,7 @@ from adhesion_can.arrays import Array
 FIRST_DAMPING, LEAST_DAMPING, LARGEST_DAMPING = 1e-2, 1e-12, 1e10
 """Damping of the first step, the least one, with which collinear parameters can be solved for, and
 that beyond which no step lowers the cost; in units of the Gram matrix's diagonal."""
-LESS, MORE = 0.3, 6.0
+AFTER_SUCCESS, AFTER_FAILURE = 0.3, 6.0
 """Factors of the damping after a step that lowers the cost, and after one that does not."""
 
 
@@ -111,11 +111,11 @@ def minimise(
         if there.cost < here.cost:
             decrease = here.cost - there.cost
             y, here = moved, there
-            damping = max(damping * LESS, LEAST_DAMPING)
+            damping = max(damping * AFTER_SUCCESS, LEAST_DAMPING)
             if decrease < converged * abs(here.cost):
                 break
         else:
-            damping *= MORE
+            damping *= AFTER_FAILURE
             if damping > LARGEST_DAMPING or np.array_equal(moved, y):
                 break
     return y, here

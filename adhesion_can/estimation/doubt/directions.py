@@ -13,12 +13,18 @@ from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.readings import Role
 from adhesion_can.values import Value
 
-SPEED_SCALE, EFFORT_BIAS = "scale of speed", "bias of effort"
-SPEED_DELAY, EFFORT_DELAY = "delay of speed", "delay of effort"
-INERTIA, RELAXATION = "inertia of wheelset", "relaxation of creep"
-LOAD, SPEED, CREEP_SPEED, TRACTION = "load", "speed", "creep speed", "direction of effort"
-TIME = "time"
-RADIUS, LEVEL = "radius of axle", "level of axle"
+# What the library has as an effect is called by its id.
+SPEED_SCALE, EFFORT_BIAS = "speed_scale", "effort_bias"
+SPEED_DELAY, EFFORT_DELAY = "speed_delay", "effort_delay"
+INERTIA, RELAXATION = "wheelset_inertia", "creep_relaxation"
+LOAD, SPEED, CREEP_SPEED, TRACTION = (
+    "load_dependence",
+    "speed_dependence",
+    "falling_friction",
+    "traction_braking_asymmetry",
+)
+TIME = "slow_drift"
+RADIUS, LEVEL = "wheel_radius", "axle_level"
 BIAS_UNIT = 1e3
 """Unit of the effort's bias, N."""
 INERTIA_UNIT = 1e4

@@ -14,7 +14,7 @@ from adhesion_can.normal_quantiles import NORMAL_90
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.burckhardt import peak as burckhardt_peak
 from adhesion_can.physics.curves import Conditions
-from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.curves.burckhardt_family import curve_with_peak
 from adhesion_can.physics.curves.same_peak import burckhardt_with_same_peak
 from adhesion_can.physics.doubt import Doubt
 from adhesion_can.physics.estimate import Estimate, Identifiable, PeakEstimate, has_peak

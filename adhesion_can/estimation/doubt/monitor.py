@@ -40,7 +40,7 @@ from adhesion_can.estimation.doubt.lasting_errors import (
     estimate_lasting_errors,
     slip_inflation,
 )
-from adhesion_can.estimation.doubt.level_scatter import LevelScatter
+from adhesion_can.estimation.doubt.level_scatter import FLAT_SLOPE, LevelScatter
 from adhesion_can.estimation.doubt.peak_scatter import slip_scatter
 from adhesion_can.estimation.doubt.pooled_curve import PooledCurve
 from adhesion_can.estimation.doubt.rows import RowBuilder
@@ -68,8 +68,6 @@ RECENT_S = 0.5
 """Duration of the samples that are compared with the leading family, s."""
 HISTORY = frozenset({TIME, *WORK_S})
 """Directions that stand for what happened before."""
-FLAT_SLOPE = 0.3
-"""Logarithmic slope up to which a curve counts as flat: its level is that of the peak."""
 RECENT = 40
 """Number of such comparisons that are kept."""
 KEPT_REACH = 0.995

@@ -14,8 +14,8 @@ from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import CurveParameters
 from adhesion_can.physics.curves import CurveFamily
 from adhesion_can.physics.effects import ActiveEffect, Parameter, acts_in_contact, build_instruments
-from adhesion_can.physics.effects.curve_shape import CURVE_SHAPE, CurveShape
 from adhesion_can.physics.effects.empirical import Empirical
+from adhesion_can.physics.effects.shape_factor import CURVE_SHAPE, CurveShape
 from adhesion_can.physics.instruments import Instruments
 from adhesion_can.result_text import html_table
 

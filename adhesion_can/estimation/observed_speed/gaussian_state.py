@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 from adhesion_can.arrays import Array
 from adhesion_can.values import Stateful
 
-UNUSED = 1.0
-"""Variance of a measurement that is not there; all others are below 1e-4."""
-
 
 class GaussianState(Stateful):
     """Means (drives, n) and covariances (drives, n, n).

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import SLIP_MAX, Peak, falling_factor
 from adhesion_can.physics.curves.base import Conditions, Values, within_bounds
-from adhesion_can.physics.curves.burckhardt import C1, C2, C3, Burckhardt
+from adhesion_can.physics.curves.burckhardt_family import C1, C2, C3, Burckhardt
 from adhesion_can.physics.curves.peak_search import find_peak
 from adhesion_can.physics.parameter import Parameter
 

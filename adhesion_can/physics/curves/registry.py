@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from adhesion_can.physics.curves.base import CurveFamily
-from adhesion_can.physics.curves.burckhardt import Burckhardt
 from adhesion_can.physics.curves.burckhardt_c4 import BurckhardtC4
+from adhesion_can.physics.curves.burckhardt_family import Burckhardt
 from adhesion_can.physics.curves.free import Free
 from adhesion_can.physics.curves.magic_formula import MagicFormula
 from adhesion_can.physics.curves.polach import Polach

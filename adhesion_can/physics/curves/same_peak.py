@@ -7,7 +7,7 @@ import numpy as np
 from adhesion_can.arrays import Array
 from adhesion_can.physics.burckhardt import SLIP_MAX, CurveParameters, adhesion
 from adhesion_can.physics.curves.base import Conditions, CurveFamily, Values
-from adhesion_can.physics.curves.burckhardt import curve_with_peak
+from adhesion_can.physics.curves.burckhardt_family import curve_with_peak
 
 _NEAR = np.linspace(0.3, 3.0, 60)
 """Slips at which the two curves are compared, in units of λ_m."""

@@ -24,8 +24,6 @@ CHUNK = 4000
 """Number of setpoints that wait before they are put into bins."""
 LONGEST_STEP_S = 1.0
 """Time between two setpoints beyond which nothing is known of the way between them, s."""
-SERIES = ("mu_max", "lambda_m", "speed")
-"""Names of the series: adhesion coefficient, slip ratio, m/s."""
 DOUBTS = tuple(Doubt)
 STATUSES = tuple(Status)
 
@@ -39,8 +37,8 @@ class History:
         first_us: Stamp of the first setpoint, µs.
         last_us: Stamp of the last setpoint, µs.
         distance: Distance travelled up to the last setpoint, m.
-        lowest: Smallest value of each of `SERIES`, shape (n, 3).
-        highest: Largest value of each of `SERIES`, shape (n, 3).
+        lowest: Smallest μ_max, λ_m and vehicle speed (m/s), shape (n, 3).
+        highest: Largest of each of them, shape (n, 3).
         lower: Smallest lower end of the 95 % interval of μ_max and λ_m, shape (n, 2).
         upper: Largest upper end of the 95 % interval of μ_max and λ_m, shape (n, 2).
         statuses: Number of setpoints by status, shape (n, 6).

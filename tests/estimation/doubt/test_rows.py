@@ -113,7 +113,7 @@ def test_noise_along_the_level_has_the_errors_of_a_speed_reading_in_common():
 def test_a_scale_of_the_speed_moves_the_slip_by_one_plus_slip():
     """v (1 − s) lets λ = ω r / v − 1 read higher by (1 + λ) s: by differences of the curve."""
     given, s = samples(), 1e-6
-    value, slope = column(built(given), "scale of speed")
+    value, slope = column(built(given), "speed_scale")
     moved = (1.0 + given.slip) / (1.0 - s) - 1.0
     away = np.abs(given.slip) > 1e-3
     assert value[away] == pytest.approx(
@@ -125,13 +125,13 @@ def test_a_scale_of_the_speed_moves_the_slip_by_one_plus_slip():
 def test_radii_and_levels_of_axles_count_against_the_mean_of_all():
     given = samples()
     rows = built(given)
-    scale, bend = column(rows, "scale of speed")
+    scale, bend = column(rows, "speed_scale")
     for axle in range(1, AXLES + 1):
         own = np.where(given.axle == axle, 1.0, 0.0) - 1.0 / AXLES
-        value, slope = column(rows, f"radius of axle {axle}")
+        value, slope = column(rows, f"wheel_radius {axle}")
         assert value == pytest.approx(own * scale)
         assert slope == pytest.approx(own * bend)
-        value, slope = column(rows, f"level of axle {axle}")
+        value, slope = column(rows, f"axle_level {axle}")
         assert value == pytest.approx(own * curve(given.slip))
         assert slope == pytest.approx(own * slope_of(given.slip))
 
@@ -152,13 +152,13 @@ def test_delays_inertia_and_relaxation_go_by_the_rates_of_the_signals():
     inner = slice(4, -4)
     rows, slope, bend = built(given), slope_of(given.slip), bend_of(given.slip)
     rates = {
-        "delay of effort": (-0.004 * slope, -0.004 * bend),
-        "relaxation of creep": (-0.004 / given.speed * slope, -0.004 / given.speed * bend),
-        "delay of speed": (
+        "effort_delay": (-0.004 * slope, -0.004 * bend),
+        "creep_relaxation": (-0.004 / given.speed * slope, -0.004 / given.speed * bend),
+        "speed_delay": (
             -0.6 / given.speed * slope * (1.0 + given.slip), -0.6 / given.speed * bend
         ),
         # Rim speed (1 + λ) v: λ' v + (1 + λ) v', 1e4 kg m over the load.
-        "inertia of wheelset": (
+        "wheelset_inertia": (
             1e4 * (0.004 * given.speed + (1.0 + given.slip) * 0.6) / given.load, 0.0 * slope
         ),
     }  # fmt: skip
@@ -172,21 +172,21 @@ def test_rates_are_averaged_over_five_samples_of_an_axle_and_are_0_of_few():
     """A jump of the slip shows as a fifth of it in each of five steps, two samples long each."""
     given = steady(0.0, 0.0)
     jump = np.where(np.arange(len(given)) < 100, 0.02, 0.07)
-    value, _ = column(built(replace(given, slip=jump)), "delay of effort")
+    value, _ = column(built(replace(given, slip=jump)), "effort_delay")
     rate = -value / slope_of(jump)
     # The mean of five rises by 0.01 a sample from 98 to 102.
     mean = np.convolve(np.pad(jump, 2, mode="edge"), np.full(5, 0.2), mode="valid")
     wanted = np.gradient(mean) / 0.02
     assert rate[1:-1] == pytest.approx(wanted[1:-1], abs=1e-9)
     few = built(replace(given, slip=jump, axle=np.arange(len(given)) // 5))
-    assert not column(few, "delay of effort")[0].any()
+    assert not column(few, "effort_delay")[0].any()
     still = built(replace(given, slip=jump, t_us=np.zeros(len(given), dtype=np.int64)))
-    assert not column(still, "delay of effort")[0].any()
+    assert not column(still, "effort_delay")[0].any()
 
 
 def test_a_bias_of_the_effort_is_a_force_over_the_load():
     given = samples()
-    value, slope = column(built(given), "bias of effort")
+    value, slope = column(built(given), "effort_bias")
     assert value == pytest.approx(1e3 / given.load)
     assert not slope.any()
 
@@ -205,11 +205,11 @@ def test_what_the_adhesion_depends_on_multiplies_the_curve():
     })  # fmt: skip
     rows = built(given)
     factors = {
-        "load": np.log(given.load / 2e5),
-        "speed": given.speed / 10.0 - 1.0,
-        "creep speed": np.abs(given.slip) * given.speed,
-        "direction of effort": np.sign(given.slip),
-        "time": (given.t_us * 1e-6 - 3.0) / 100.0,
+        "load_dependence": np.log(given.load / 2e5),
+        "speed_dependence": given.speed / 10.0 - 1.0,
+        "falling_friction": np.abs(given.slip) * given.speed,
+        "traction_braking_asymmetry": np.sign(given.slip),
+        "slow_drift": (given.t_us * 1e-6 - 3.0) / 100.0,
         "sanding_active": sanding,
         "relative_humidity_percent": np.where(np.arange(len(given)) < 5, 0.0, 0.5),
         "rail_temperature_degC": np.full(len(given), -2.5),
@@ -219,10 +219,10 @@ def test_what_the_adhesion_depends_on_multiplies_the_curve():
         value, slope = column(rows, name)
         assert value == pytest.approx(factor * curve(given.slip)), name
         assert slope == pytest.approx(factor * slope_of(given.slip)), name
-        if name not in {"creep speed", "direction of effort"}:
+        if name not in {"falling_friction", "traction_braking_asymmetry"}:
             assert rows.present[name] == pytest.approx(np.mean(factor[-30:])), name
-    assert rows.present["creep speed"] == pytest.approx(np.mean(given.speed[-30:]))
-    assert rows.present["direction of effort"] == np.sign(np.mean(given.adhesion[-30:]))
+    assert rows.present["falling_friction"] == pytest.approx(np.mean(given.speed[-30:]))
+    assert rows.present["traction_braking_asymmetry"] == np.sign(np.mean(given.adhesion[-30:]))
     plain = built(samples())
     assert not column(plain, "sanding_active")[0].any()
     assert "sanding_active" not in plain.present
@@ -254,6 +254,6 @@ def test_time_begins_with_each_surface():
     builder = RowBuilder(DIRECTIONS, AXLES)
     first, second = samples(1.0, begin_s=0.0), samples(1.0, begin_s=50.0)
     built(first, builder)
-    assert built(second, builder).present["time"] == pytest.approx(0.5, abs=0.01)
+    assert built(second, builder).present["slow_drift"] == pytest.approx(0.5, abs=0.01)
     builder.begin_surface()
-    assert built(second, builder).present["time"] == pytest.approx(0.01, abs=0.002)
+    assert built(second, builder).present["slow_drift"] == pytest.approx(0.01, abs=0.002)

@@ -12,7 +12,7 @@ from adhesion_can.physics.curves.base import Conditions, Values, within_bounds
 from adhesion_can.physics.curves.peak_search import rough_peak
 from adhesion_can.physics.parameter import Parameter
 
-C1 = Parameter("c1", "1", 0.4, 1e-6, 10.0, "level of the curve").lognormal(0.35, 0.6)
+C1 = Parameter("c1", "1", 0.4, 1e-6, 10.0, "level of the curve", linear=True).lognormal(0.35, 0.6)
 C2 = Parameter("c2", "1", 60.0, 1.0, 1000.0, "steepness, per unit of slip").lognormal(45.0, 0.7)
 C3 = Parameter("c3", "1", 0.3, 0.0, 10.0, "fall beyond the peak, per unit of slip").lognormal(
     0.3, 1.2

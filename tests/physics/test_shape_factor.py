@@ -8,7 +8,7 @@ import pytest
 from adhesion_can.physics.curves import FAMILIES, Conditions
 from adhesion_can.physics.effects import LagStates
 from adhesion_can.physics.effects.base import Contact
-from adhesion_can.physics.effects.curve_shape import CurveShape
+from adhesion_can.physics.effects.shape_factor import CurveShape
 
 BASE = (0.4, 60.0, 0.3)
 MAGIC = (55.0, 1.4, 0.4, -0.7)
