@@ -98,7 +98,7 @@ def test_three_parties_pull_on_one_bus_as_printed(played):
 
 
 @pytest.mark.realtime
-def test_where_nobody_is_late_it_pulls_with_80_kn_and_holds_the_peak(played):
+def test_where_nobody_is_late_it_pulls_with_60_kn_or_more_and_holds_the_peak(played):
     """Where demands come late the motors give nothing after three cycles."""
     seen = frames_of(played)
     prompt = frames_with_prompt_past(seen, 0x121, of=(*ON_TIME, 0x201, 0x301))
