@@ -61,7 +61,9 @@ class NumberedBuses:
         frames = rows.kind < Kind.ADVANCE
         has_marks = not frames.all()
         numbers = rows.channel[frames] if has_marks else rows.channel
-        found = np.flatnonzero(np.bincount(numbers))
+        # Most recordings have one bus, and to count takes longer than to compare.
+        is_one = len(numbers) > 0 and bool((numbers == numbers[0]).all())
+        found = numbers[:1] if is_one else np.flatnonzero(np.bincount(numbers))
         new = [number for number in found.tolist() if number not in self._places]
         if len(new) > 1:
             seen, first = np.unique(numbers, return_index=True)
@@ -71,9 +73,13 @@ class NumberedBuses:
             new = [_NO_BUS]
         self._places |= {number: len(self._places) + n for n, number in enumerate(new)}
         self._names += tuple("" if number == _NO_BUS else self._name(number) for number in new)
-        table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint16)
-        table[found] = [self._places[number] for number in found.tolist()]
-        channel = table[rows.channel]
+        places = [self._places[number] for number in found.tolist()]
+        if is_one:
+            channel = np.full(len(rows), places[0], np.uint16)
+        else:
+            table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint16)
+            table[found] = places
+            channel = table[rows.channel]
         if has_marks:
             channel[~frames] = 0
         return replace(
