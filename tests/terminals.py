@@ -38,9 +38,11 @@ class Terminal:
         self.process = self._started(command, folder)
 
     def _started(self, command, folder):
-        # What a shell runs in the background ignores SIGINT, and so would the command.
+        # What a shell runs in the background ignores SIGINT, and so would the command. And another's
+        # tool shows its lines at once on a terminal alone.
+        words = ["env", "--default-signal=INT", "PYTHONUNBUFFERED=1"]
         return subprocess.Popen(
-            ["env", "--default-signal=INT", *in_path(command)], cwd=folder,
+            [*words, *in_path(command)], cwd=folder,
             stdout=self.files[0], stderr=self.files[1], stdin=subprocess.DEVNULL,
         )  # fmt: skip
 
