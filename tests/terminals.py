@@ -38,8 +38,8 @@ class Terminal:
         self.process = self._started(command, folder)
 
     def _started(self, command, folder):
-        # What a shell runs in the background ignores SIGINT, and so would the command. And another's
-        # tool shows its lines at once on a terminal alone.
+        # What a shell runs in the background ignores SIGINT, and so would the command. And tools of
+        # others show a line at once on a terminal alone.
         words = ["env", "--default-signal=INT", "PYTHONUNBUFFERED=1"]
         return subprocess.Popen(
             [*words, *in_path(command)], cwd=folder,

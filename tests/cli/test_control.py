@@ -101,8 +101,8 @@ def test_three_parties_pull_on_one_bus_as_printed(played):
 def test_where_nobody_is_late_it_pulls_with_60_kn_or_more_and_holds_the_peak(played):
     """Where demands come late the motors give nothing after three cycles."""
     seen = frames_of(played)
-    prompt = frames_with_prompt_past(seen, 0x121, of=(*ON_TIME, 0x201, 0x301))
-    need_prompt(len(prompt) / sum(frame.arbitration_id == 0x121 for frame in seen), 0.8)
+    prompt = frames_with_prompt_past(seen, 0x121, 1_000_000, of=(*ON_TIME, 0x201, 0x301))
+    need_prompt(len(prompt) / sum(frame.arbitration_id == 0x121 for frame in seen), 0.5)
     assert greatest_effort(prompt) > 60e3
     document = json.loads((played / "control.json").read_text())
     shares = document["share_of_steps"]
