@@ -66,14 +66,8 @@ def test_the_demo_installs_the_extra_of_its_report_and_says_how_long_that_takes(
 
 def collected(*words):
     """Names of the tests of a file, some of which are slow."""
-    words = [
-        "-m",
-        "pytest",
-        "-q",
-        "--collect-only",
-        *words,
-        "tests/estimation/test_compare_directions.py",
-    ]
+    file = "tests/estimation/test_compare_directions.py"
+    words = ["-m", "pytest", "-q", "--collect-only", *words, file]
     done = subprocess.run(
         [sys.executable, *words], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
     )

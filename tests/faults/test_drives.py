@@ -4,6 +4,7 @@ import pytest
 
 from tests.faults.catalogue import KINDS, find, pair_name, title
 from tests.faults.play import cases, make_case, play
+from tests.seeds import first_quick
 
 MOST_WRONG = 0.01
 """Share of the time that may be TRACKING and wrong, half a second after the error became big."""
@@ -38,11 +39,13 @@ QUICK = (
 """Kinds that are played each time, in one drive each."""
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", first_quick((*QUICK, "nothing", "wheels_at_rest"), len(QUICK)))
 def test_a_fault_is_not_followed_for_long(name):
     one = play(name, make_case(name, KINDS[name].sizes[0], 2, stays=True))
     assert one.verdict.before > 0.95
     assert one.verdict.wrong_late <= MOST_WRONG
+    if name == "nothing":
+        assert one.verdict.tracking > 0.99
     if KINDS[name].event is not None:
         assert one.verdict.faults == 0.0
 
