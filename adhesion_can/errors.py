@@ -70,6 +70,6 @@ def suggest(name: str, known: Iterable[str]) -> str:
     """
     from difflib import get_close_matches  # noqa: PLC0415  needed where a name is wrong, no sooner
 
-    forms = {one.lower(): one for one in known}
-    found = get_close_matches(name.lower(), forms, n=3, cutoff=0.5)
-    return f"similar names: {', '.join(forms[one] for one in found)}" if found else ""
+    forms = {known_name.lower(): known_name for known_name in known}
+    matches = get_close_matches(name.lower(), forms, n=3, cutoff=0.5)
+    return f"similar names: {', '.join(forms[form] for form in matches)}" if matches else ""

@@ -28,8 +28,8 @@ def needing_extra(name: str, where: str, what: str, note: str = "") -> Iterator[
     try:
         yield
     except ImportError as error:
-        found = f"{what} (no module {error.name!r}){note}"
-        raise InputError(where, found, install_extra(name)) from error
+        missing = f"{what} (no module {error.name!r}){note}"
+        raise InputError(where, missing, install_extra(name)) from error
 
 
 def install_extra(name: str) -> str:
@@ -68,8 +68,8 @@ def _clone() -> Path | None:
 def _pip() -> str:
     """The pip of this environment: by its name where that finds it, else by its path."""
     folder = Path(sys.executable).parent
-    found = shutil.which("pip")
-    if found is not None and Path(found).parent == folder:
+    pip_on_path = shutil.which("pip")
+    if pip_on_path is not None and Path(pip_on_path).parent == folder:
         return "pip"
     if os.access(folder / "pip", os.X_OK):
         return shlex.quote(_from_here(folder / "pip"))

@@ -17,7 +17,7 @@ _HARMFUL = re.compile(
 
 def printable(text: str) -> str:
     r"""The text with an escape such as `\x1b` in place of what is no letter, sign or blank."""
-    return _HARMFUL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+    return _HARMFUL.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def say(line: str, file: TextIO | None = None, end: str = "\n") -> None:

@@ -91,11 +91,11 @@ class Range:
             sentence = f"{name} must have {bounds} values, not {len(values)}"
             raise OutOfRangeError(sentence, f"{len(values)} values", f"write {bounds}")
         each = self.each * len(values) if len(self.each) == 1 else self.each
-        for one, within in zip(values, each, strict=bool(each)):
-            if one not in within:
-                sentence = f"{name} must be within {within}, not {shown(one)}"
+        for number, within in zip(values, each, strict=bool(each)):
+            if number not in within:
+                sentence = f"{name} must be within {within}, not {shown(number)}"
                 fix = f"write {shown(within.lowest)} to {shown(within.highest)}"
-                raise OutOfRangeError(sentence, f"{shown(one)} is not within {within}", fix)
+                raise OutOfRangeError(sentence, f"{shown(number)} is not within {within}", fix)
 
     def __str__(self) -> str:
         text = ", ".join(map(str, self.each))
@@ -120,20 +120,20 @@ def range_of(annotation: Any) -> Range:
     if get_origin(annotation) is not Annotated:
         return Range()
     stated = annotation.__metadata__
-    length = next((one for one in stated if isinstance(one, Length)), None)
-    return Range(tuple(one for one in stated if isinstance(one, Within)), length)
+    length = next((limit for limit in stated if isinstance(limit, Length)), None)
+    return Range(tuple(limit for limit in stated if isinstance(limit, Within)), length)
 
 
 @cache
 def ranges_of(kind: type) -> dict[str, Range]:
     """Ranges of a dataclass's fields by name, of those that have one."""
     hints = get_type_hints(kind, include_extras=True)
-    found = {field.name: range_of(hints[field.name]) for field in fields(kind)}
-    return {name: one for name, one in found.items() if one != Range()}
+    ranges = {field.name: range_of(hints[field.name]) for field in fields(kind)}
+    return {name: field_range for name, field_range in ranges.items() if field_range != Range()}
 
 
 def require_ranges(settings: object) -> None:
     """OutOfRangeError where a field of a dataclass is beyond its range."""
     kind: type = type(settings)
-    for name, one in ranges_of(kind).items():
-        one.require(name, getattr(settings, name))
+    for name, field_range in ranges_of(kind).items():
+        field_range.require(name, getattr(settings, name))

@@ -42,7 +42,9 @@ def calibrate(
     config = as_configuration(configuration)
     require_calibration_roles(config)
     opened = as_recordings(recordings)
-    drives = [build_coasting_drive(one, config) for one in load_coasting_traces(opened, config)]
+    drives = [
+        build_coasting_drive(traces, config) for traces in load_coasting_traces(opened, config)
+    ]
     require_calibration_signals(drives, name_of(opened))
     return _calibrate(drives, config.vehicle, settings or CalibrationSettings())
 
@@ -65,9 +67,9 @@ def load_coasting_traces(
 
     """
     needed = {Role.WHEEL_SPEED} | ({Role.VEHICLE_SPEED} if reference is None else set())
-    for one in recordings:
-        blocks = watched(blocks_in_sequence([one], config.service.restart_s))
-        yield load_traces(blocks, config, str(one.path), needed, partly=True)
+    for recording in recordings:
+        blocks = watched(blocks_in_sequence([recording], config.service.restart_s))
+        yield load_traces(blocks, config, str(recording.path), needed, partly=True)
 
 
 def build_coasting_drive(

@@ -51,5 +51,5 @@ def _with_model(configuration: Configuration, model: ModelLike) -> Configuration
     """Configuration with an extended model; unchanged where none is given."""
     if model is None:
         return configuration
-    found = model if isinstance(model, ExtendedModel) else read_model(Path(model))
-    return replace(configuration, model=found)
+    extended = model if isinstance(model, ExtendedModel) else read_model(Path(model))
+    return replace(configuration, model=extended)

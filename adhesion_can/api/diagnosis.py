@@ -98,9 +98,9 @@ def diagnose(
     texts = tuple(formulas)
     asked = read_formulas(texts)
     loaded = load_inputs(files, config, progress)
-    own = limits_of(config.vehicle, config.limits, config.messages) if next_drive else None
-    limits = own.limits if own else None
-    found = diagnose_inputs(
+    sourced = limits_of(config.vehicle, config.limits, config.messages) if next_drive else None
+    limits = sourced.limits if sourced else None
+    diagnosis = diagnose_inputs(
         loaded, progress, asked, limits=limits, witness=config if witness else None
     )
     named = [] if isinstance(configuration, Configuration | None) else [str(configuration)]
@@ -111,7 +111,7 @@ def diagnose(
         formulas=texts,
         holdout=tuple(file.path for file in files if file.held_out),
     )
-    return replace(found, next_step=after_diagnosis(found, typed, config).line)
+    return replace(diagnosis, next_step=after_diagnosis(diagnosis, typed, config).line)
 
 
 def list_input_files(
@@ -248,12 +248,12 @@ def _points_of_axles(drive: DriveData) -> Iterator[MeasuredPoints]:
     """Rows of every axle of a recording, to be looked at before anything is fitted."""
     observed = drive.observe()
     for axle in np.unique(drive.axle):
-        own = drive.axle == axle
+        axle_rows = drive.axle == axle
         yield MeasuredPoints(
-            observed.slip[own],
-            observed.adhesion[own],
-            speed=observed.speed[own],
-            load=observed.load[own],
+            observed.slip[axle_rows],
+            observed.adhesion[axle_rows],
+            speed=observed.speed[axle_rows],
+            load=observed.load[axle_rows],
             table=False,
             name=f"axle {axle}",
         )
@@ -327,8 +327,8 @@ def diagnose_inputs(
     drives, holdout = ([read.drive for read in part] for part in parts)
     settings = DiagnosisSettings(formulas=formulas, effect_grams=effect_grams, limits=limits)
     asked = None if witness is None else partial(ask_service, loaded, witness)
-    found = _diagnose(drives, holdout, settings, show=show, ask_witness=asked)
-    return replace(found, input_files=tuple(one.input_file for one in loaded))
+    diagnosis = _diagnose(drives, holdout, settings, show=show, ask_witness=asked)
+    return replace(diagnosis, input_files=tuple(loaded_input.input_file for loaded_input in loaded))
 
 
 def ask_service(
@@ -351,9 +351,9 @@ def ask_service(
         return None
     longest = max(used, key=lambda read: float(np.ptp(read.drive.time_s)))
     name = longest.input_file.name
-    own = [segment for segment in diagnosis.surfaces if segment.recording == name]
-    changes_us = [round(segment.from_s * 1e6) for segment in own[1:]]
-    start = (own[0] if own else segment).base.theta
+    segments = [segment for segment in diagnosis.surfaces if segment.recording == name]
+    changes_us = [round(segment.from_s * 1e6) for segment in segments[1:]]
+    start = (segments[0] if segments else segment).base.theta
     path = longest.input_file.path
     shares = compute_doubt_shares(path, configuration, diagnosis.model, start, changes_us)
     return None if shares is None else Witness(name, shares.before, shares.after)

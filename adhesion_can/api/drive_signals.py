@@ -23,6 +23,6 @@ def thin_signals(received: LoadedTraces, drive: DriveData, spans: int) -> DriveS
     slip = drive.observe().slip
     t_us = drive.first_us + np.rint(1e6 * drive.t_s).astype(np.int64)
     for axle in np.unique(drive.axle).tolist():
-        own = drive.axle == axle
-        signals.add({(SLIP, axle): (t_us[own], slip[own])})
+        axle_rows = drive.axle == axle
+        signals.add({(SLIP, axle): (t_us[axle_rows], slip[axle_rows])})
     return signals

@@ -45,4 +45,4 @@ def evaluate_inputs(loaded: Sequence[LoadedInput], config: Configuration) -> Eva
     if config.model is None:
         raise InputError("model", "no model is given", "give a model or the path of its file")
     require_rows(loaded)
-    return _evaluate([one.drive for one in loaded], config.model)
+    return _evaluate([read.drive for read in loaded], config.model)

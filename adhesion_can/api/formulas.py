@@ -20,17 +20,17 @@ def read_formulas(texts: Iterable[str]) -> tuple[AnyFormula, ...]:
         InputError: A formula cannot be read.
 
     """
-    found = []
+    formulas = []
     for text in texts:
         try:
-            found.append(parse_formula(text))
+            formulas.append(parse_formula(text))
         except ExpressionError as error:
             fix = (
                 "write it as '1 + a * max(wind - b, 0) where a=0.1, b=5', with the size as the "
                 "first constant"
             )
             raise InputError(f"formula {text!r}", str(error), fix) from error
-    return tuple(found)
+    return tuple(formulas)
 
 
 def require_formula_applies(formula: AnyFormula, drive: DriveData) -> None:

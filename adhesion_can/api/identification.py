@@ -150,8 +150,10 @@ def _samples_from_arrays(slip: object, adhesion: ArrayLike, time_s: ArrayLike | 
             raise InputError(name, f"not numbers ({error})", "give an array of numbers") from error
     shapes = {name: column.shape for name, column in columns.items()}
     if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) > 1:
-        found = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise InputError("identify", f"shapes differ or are not (n,): {found}", "give one length")
+        shapes_text = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise InputError(
+            "identify", f"shapes differ or are not (n,): {shapes_text}", "give one length"
+        )
     if time_s is None:
         return Samples.curve(columns["slip"], columns["adhesion"])
     time = columns["time_s"]

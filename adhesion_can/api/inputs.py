@@ -77,8 +77,8 @@ def describe_table(name: str, table: SampleTable, slip_max: float) -> list[str]:
         slip_max: Largest slip ratio that is used.
 
     """
-    found = (*table.notes, *_describe_times(table), *describe_left_out(table, slip_max))
-    return [f"{name}: {sentence}" for sentence in found]
+    sentences = (*table.notes, *_describe_times(table), *describe_left_out(table, slip_max))
+    return [f"{name}: {sentence}" for sentence in sentences]
 
 
 def _describe_times(table: SampleTable) -> list[str]:
@@ -98,12 +98,12 @@ def describe_left_out(table: SampleTable, slip_max: float) -> list[str]:
         slip_max: Largest slip ratio that is used.
 
     """
-    found = []
+    sentences = []
     if table.unloaded:
-        found.append(f"dropped {table.unloaded} of {table.rows} rows: no load above 0")
+        sentences.append(f"dropped {table.unloaded} of {table.rows} rows: no load above 0")
     if lost := table.left_out - table.unloaded:
         rows = f"{lost} of {table.rows} rows"
-        found.append(f"dropped {rows} without a finite time, slip and adhesion")
+        sentences.append(f"dropped {rows} without a finite time, slip and adhesion")
     samples = table.samples
     large = np.abs(samples.slip) > slip_max
     for reason, odd in (
@@ -112,14 +112,14 @@ def describe_left_out(table: SampleTable, slip_max: float) -> list[str]:
         ("no load above 0", ~(samples.load > 0)),
     ):
         if odd.any():
-            found.append(f"dropped {int(odd.sum())} of {table.rows} rows: {reason}")
+            sentences.append(f"dropped {int(odd.sum())} of {table.rows} rows: {reason}")
     usable = ~large & (samples.speed > 0) & (samples.load > 0)
     for column, values in samples.covariates.items():
         missing = int((~np.isfinite(values[usable])).sum())
         if missing:
             rows = f"{missing} of {int(usable.sum())} rows"
-            found.append(f"column {column!r} not used: it is empty in {rows}")
-    return found + [
+            sentences.append(f"column {column!r} not used: it is empty in {rows}")
+    return sentences + [
         f"column {column!r} not used: its texts do not form groups of rows"
         for column in table.ignored
     ]

@@ -48,11 +48,11 @@ class ReplayedModels:
         for place, recording in enumerate(recordings):
             # Once through a log; most of its comments are others.
             comments = [line for line in recording.comments() if _OURS in line]
-            found = list(read_model_changes(comments, str(recording.path)))
+            changes = list(read_model_changes(comments, str(recording.path)))
             begin_us = _begin_us(recording) if self._changes else None
-            if begin_us is not None and not (found and found[0].t_us <= begin_us):
+            if begin_us is not None and not (changes and changes[0].t_us <= begin_us):
                 self._changes.append(ModelChange(begin_us, None))
-            self._changes += found
+            self._changes += changes
             if place == 0:
                 self._kept = read_kept_curves(comments, str(recording.path))
         self._taken: list[tuple[int, ExtendedModel | None]] = []

@@ -126,10 +126,10 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
     """
     tables = [read_table(path, config.columns) for path in paths]
     problems: list[str] = []
-    for name, one in zip(distinct_names(paths), tables, strict=True):
-        odd = inspect_samples(one.samples, table=True, timed=one.timed)
+    for name, sample_table in zip(distinct_names(paths), tables, strict=True):
+        odd = inspect_samples(sample_table.samples, table=True, timed=sample_table.timed)
         problems += require_plausible(name, odd, assumed=config.assume_plausible)
-        problems += describe_table(name, one, config.estimators.identifiability.slip_max)
+        problems += describe_table(name, sample_table, config.estimators.identifiability.slip_max)
     left_out: Counter[str] = Counter()
     factor = 1.0
     if config.model is not None:
@@ -142,14 +142,16 @@ def load_table_samples(paths: Sequence[Path], config: Configuration) -> LoadedSa
         ]
         tables = [table for table, _ in parts]
         rows = [len(table.samples) for table in tables]
-        factor = float(np.average([own for _, own in parts], weights=np.maximum(rows, 1)))
+        factor = float(
+            np.average([table_factor for _, table_factor in parts], weights=np.maximum(rows, 1))
+        )
     samples = Samples.concatenate([t.samples for t in tables])
     if len(tables) == 1 and tables[0].segment is None:
         return LoadedSamples(samples, None, problems, left_out, factor)
     # Each table, and each segment of one, is a segment of its own.
     labels, base = [], 0
     for t in tables:
-        own = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
-        labels.append(own + base)
-        base += int(own.max(initial=0)) + 1
+        segments = t.segment if t.segment is not None else np.zeros(len(t.samples), dtype=np.int64)
+        labels.append(segments + base)
+        base += int(segments.max(initial=0)) + 1
     return LoadedSamples(samples, np.concatenate(labels), problems, left_out, factor)

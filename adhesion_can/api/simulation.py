@@ -138,8 +138,8 @@ def make_simulation(
 
     """
     config.require_distinct_signals()
-    own = () if _is_packaged(config) else config.messages
-    require_simulable(config.choices, own, config.where)
+    own_messages = () if _is_packaged(config) else config.messages
+    require_simulable(config.choices, own_messages, config.where)
     messages = sent_messages(config)
     if no_radar:
         messages = _without_speed(messages)
@@ -156,7 +156,7 @@ def _without_speed(messages: tuple[BoundMessage, ...]) -> tuple[BoundMessage, ..
                 f"{message.plan.name} carries the vehicle speed, and wheel speeds or efforts",
                 "use a database with a message of its own for the vehicle speed",
             )
-    return tuple(one for one in messages if Role.VEHICLE_SPEED not in one.roles)
+    return tuple(sent for sent in messages if Role.VEHICLE_SPEED not in sent.roles)
 
 
 def sent_messages(config: Configuration) -> tuple[BoundMessage, ...]:
@@ -207,7 +207,7 @@ def build_run_settings(
     if seed < 0:
         raise InputError(f"{prefix}seed", f"{seed} is negative", "give 0 or more")
     try:
-        found = scenario_by_name(scenario)
+        chosen = scenario_by_name(scenario)
     except KeyError as error:
         raise InputError(
             f"{prefix}scenario",
@@ -217,12 +217,12 @@ def build_run_settings(
     texts = list(effects)
     drive, notes = drive_of(config.vehicle, config.limits, config.messages)
     if plan is None:
-        found, more = scenario_of(
-            found, config.vehicle, config.limits, config.messages, drive.slip_high
+        chosen, more = scenario_of(
+            chosen, config.vehicle, config.limits, config.messages, drive.slip_high
         )
         notes += more
     return RunSettings(
-        found,
+        chosen,
         duration_s,
         seed=seed,
         vehicle=config.vehicle,

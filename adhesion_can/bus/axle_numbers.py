@@ -44,22 +44,22 @@ def find_letters(messages: Iterable[Message]) -> Mapping[tuple[str, str], int]:
     }
 
 
-def count_from_zero(found: Sequence[RoleGuess]) -> list[RoleGuess]:
+def count_from_zero(guesses: Sequence[RoleGuess]) -> list[RoleGuess]:
     """Guesses of the axles one higher, for roles of which a signal has the number 0.
 
     Whether 0 is the first axle or something else is not known: the signals become rivals.
     """
-    roles = {guess.role for guess in found if guess.role in PER_AXLE and not guess.axle}
-    return [replace(guess, axle=guess.axle + 1) for guess in found if guess.role in roles]
+    roles = {guess.role for guess in guesses if guess.role in PER_AXLE and not guess.axle}
+    return [replace(guess, axle=guess.axle + 1) for guess in guesses if guess.role in roles]
 
 
-def count_through_bogies(found: Sequence[RoleGuess]) -> list[RoleGuess]:
+def count_through_bogies(guesses: Sequence[RoleGuess]) -> list[RoleGuess]:
     """Guesses with the axles counted through, where every bogie counts its own from 1 on."""
     counted: list[RoleGuess] = []
     for role in (role for role in Role if role in PER_AXLE):
-        own = [guess for guess in found if guess.role is role]
+        role_guesses = [guess for guess in guesses if guess.role is role]
         by_bogie: dict[int, set[int]] = {}
-        for guess in own:
+        for guess in role_guesses:
             if guess.bogie is not None and guess.of_axle:
                 by_bogie.setdefault(guess.bogie, set()).add(guess.axle)
         axles = next(iter(by_bogie.values()), set())
@@ -71,22 +71,22 @@ def count_through_bogies(found: Sequence[RoleGuess]) -> list[RoleGuess]:
             and all(others == axles for others in by_bogie.values())
         )
         doubt = f"bogies counted one after the other, with {each} axles each"
-        for guess in own:
+        for guess in role_guesses:
             if again and guess.bogie is not None and guess.of_axle:
                 axle = (guess.bogie - 1) * each + guess.axle
                 counted.append(replace(guess, axle=axle, doubts=(*guess.doubts, doubt)))
             else:
                 counted.append(guess)
-    return counted + [guess for guess in found if guess.role not in PER_AXLE]
+    return counted + [guess for guess in guesses if guess.role not in PER_AXLE]
 
 
-def without_unnumbered(found: Sequence[RoleGuess]) -> list[RoleGuess]:
+def without_unnumbered(guesses: Sequence[RoleGuess]) -> list[RoleGuess]:
     """Guesses without those that have no number, unless one is the only guess of its role."""
-    of_role = {guess.role: 0 for guess in found}
-    for guess in found:
+    of_role = {guess.role: 0 for guess in guesses}
+    for guess in guesses:
         of_role[guess.role] += 1
     return [
         guess
-        for guess in found
+        for guess in guesses
         if guess.numbered or guess.role not in PER_AXLE or of_role[guess.role] == 1
     ]

@@ -147,15 +147,15 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
         raise DatabaseError(str(path), "not a CAN database, judging by its name", _GIVE_DATABASE)
     require_small_ranges(_as_bytes(content), str(path))
     left_out: tuple[str, ...] = ()
-    found: object
+    database: object
     try:
         # Not strict: real databases have overlapping signals, and the layout that we use is checked
         # signal by signal.
         if lenient and path.suffix.lower() == ".dbc":
             text = content.decode(_encoding(content) or "cp1252")
-            found, left_out = load_without_faulty_messages(text)
+            database, left_out = load_without_faulty_messages(text)
         else:
-            found = cantools.database.load_file(path, encoding=_encoding(content), strict=False)
+            database = cantools.database.load_file(path, encoding=_encoding(content), strict=False)
     except (UnsupportedDatabaseFormatError, CantoolsError) as error:
         reason = " ".join(str(error).split())[:200]
         fix = _GIVE_DATABASE
@@ -171,10 +171,10 @@ def _load_file(path: Path, *, lenient: bool = False) -> CanDatabase:
             f"not a readable CAN database ({reason})",
             "check the file with 'cantools dump'",
         ) from error
-    if not isinstance(found, Database):
+    if not isinstance(database, Database):
         raise DatabaseError(str(path), "a diagnostics database, not a CAN database", "give a .dbc")
-    _require_messages(found, path)
-    return CanDatabase(path, sha256(content).hexdigest(), found, left_out)
+    _require_messages(database, path)
+    return CanDatabase(path, sha256(content).hexdigest(), database, left_out)
 
 
 def database_with(names: Collection[str], database: CanDatabase) -> CanDatabase:

@@ -113,10 +113,10 @@ class DecodeReport:
     @property
     def messages(self) -> dict[str, MessageCount]:
         """Numbers by name alone, those of messages of one name together."""
-        found: dict[str, MessageCount] = {}
+        by_name: dict[str, MessageCount] = {}
         for (name, _, _), count in self.counts.items():
-            found[name] = found[name].plus(count) if name in found else count
-        return found
+            by_name[name] = by_name[name].plus(count) if name in by_name else count
+        return by_name
 
     @property
     def frames(self) -> int:
@@ -216,13 +216,13 @@ class Decoder:
         message.frame_id = number
         sender = source_address(number)
         first = self._senders.heard.setdefault(named, sender) == sender
-        own = message.name
+        base_name = message.name
         if not (first and source_address(named) == NULL_ADDRESS):
-            message.name = f"{own}@{number:X}"
+            message.name = f"{base_name}@{number:X}"
         wanted = self._wanted
 
         def is_wanted(_message: str, signal: str) -> bool:
-            return wanted is None or wanted(own, signal)
+            return wanted is None or wanted(base_name, signal)
 
         self._messages[key] = _MessageDecoder(message, is_wanted, self.report.undecodable)
         return True
@@ -264,10 +264,10 @@ class _MessageDecoder:
     def decode(self, block: Block, rows: NDArray[np.int64]) -> tuple[MessageColumns, int]:
         """Columns of the message's rows in a block, and the number of lost frames."""
         before = self._acceptance.lost
-        found = accept_rows(self._acceptance, block, rows, self._decode)
+        accepted = accept_rows(self._acceptance, block, rows, self._decode)
         t_ns = block.t_ns.take(rows)
         columns = MessageColumns(
-            self.message, rows, t_ns, found.words, found.outcome, found.columns
+            self.message, rows, t_ns, accepted.words, accepted.outcome, accepted.columns
         )
         return columns, self._acceptance.lost - before
 

@@ -100,10 +100,10 @@ def _after_zeros(count: int) -> list[NDArray[np.uint8]]:
     """Checksum of each byte alone, with 0, 1, .. `count` − 1 zero bytes behind it."""
     alone = [calculate_crc8(bytes([byte]), 0xFF, False) ^ 0xFF for byte in range(256)]
     step = np.array(alone, dtype=np.uint8)
-    found = [step]
-    while len(found) < count:
-        found.append(step[found[-1]])
-    return found
+    checksums = [step]
+    while len(checksums) < count:
+        checksums.append(step[checksums[-1]])
+    return checksums
 
 
 @dataclass(slots=True)

@@ -62,7 +62,7 @@ def guess_roles(messages: Iterable[Message]) -> GuessedRoles:
     """
     messages = list(messages)
     letters = find_letters(messages)
-    found = [
+    guesses = [
         guess
         for message in messages
         for signal in message.signals
@@ -70,9 +70,9 @@ def guess_roles(messages: Iterable[Message]) -> GuessedRoles:
             list(_guesses(message, signal, letters.get((message.name, signal.name))))
         )
     ]
-    found = count_through_bogies(without_unnumbered(found))
+    guesses = count_through_bogies(without_unnumbered(guesses))
     by_role: dict[str, list[RoleGuess]] = {}
-    for guess in (*found, *count_from_zero(found)):
+    for guess in (*guesses, *count_from_zero(guesses)):
         if guess.axle or guess.role not in PER_AXLE:
             by_role.setdefault(guess.name, []).append(guess)
     taken: list[RoleGuess] = []
@@ -106,12 +106,12 @@ def _leave_out_doubles(taken: list[RoleGuess], rivals: dict[str, tuple[RoleGuess
     uses: dict[str, list[RoleGuess]] = {}
     for guess in (*taken, *(rival for alike in rivals.values() for rival in alike)):
         uses.setdefault(guess.place, []).append(guess)
-    for guess in [one for one in taken if len(uses[one.place]) > 1]:
+    for guess in [taken_guess for taken_guess in taken if len(uses[taken_guess.place]) > 1]:
         # Another role by its name alone: the doubt is that of a series of axles.
         others = " or ".join(
-            one.name if one.role is guess.role else str(one.role)
-            for one in uses[guess.place]
-            if one.name != guess.name
+            use.name if use.role is guess.role else str(use.role)
+            for use in uses[guess.place]
+            if use.name != guess.name
         )
         taken.remove(guess)
         rivals[guess.name] = (replace(guess, doubts=(*guess.doubts, f"also fits {others}")),)
@@ -158,19 +158,19 @@ class _Place(NamedTuple):
 def _place(message: Message, signal: Signal, letter: int | None) -> _Place:
     words, number = split_words(signal.name)
     around, around_number = split_words(message.name)
-    own = set(words)
+    signal_words = set(words)
     doubts: tuple[str, ...] = ()
-    axle = None if own & SIDES else number  # a wheel of a side is no axle
+    axle = None if signal_words & SIDES else number  # a wheel of a side is no axle
     by_message = number is None and letter is None
     if by_message and set(around) & (AXLE_MESSAGES | GROUPS.keys()):
         axle = around_number
-    elif number is None and letter is not None and not own & SIDES:
+    elif number is None and letter is not None and not signal_words & SIDES:
         axle, doubts = letter, (LETTER_DOUBT,)
     group = next((GROUPS[word] for word in (*words, *around) if word in GROUPS), "")
     of_axle = (
         counts_axles(signal.name)
         or (by_message and counts_axles(message.name))
-        or (number is not None and not group and bool(own & (WHEEL - ONE_WHEEL)))
+        or (number is not None and not group and bool(signal_words & (WHEEL - ONE_WHEEL)))
     )
     bogie = bogie_number(signal.name) or bogie_number(message.name)
     return _Place(axle, of_axle, group, bogie, doubts)
@@ -222,12 +222,12 @@ def _of_axle(guess: RoleGuess, place: _Place, words: Collection[str]) -> RoleGue
     )
 
 
-def _is_any_force(guess: RoleGuess, own: set[str]) -> bool:
+def _is_any_force(guess: RoleGuess, signal_words: set[str]) -> bool:
     """Whether neither the words nor the signs of a force show what it is."""
-    return own & SINGLE[guess.role] <= FORCES and signs_of(guess.signal) is Signs.POSITIVE
+    return signal_words & SINGLE[guess.role] <= FORCES and signs_of(guess.signal) is Signs.POSITIVE
 
 
-def _points_of_signs(role: Role, signal: Signal, own: set[str]) -> int | None:
+def _points_of_signs(role: Role, signal: Signal, signal_words: set[str]) -> int | None:
     """Points that the signs of its values cost an effort or a load; None where they rule it out.
 
     A load has no negative values, and an effort has some. Words of any force, and 'Fz', leave the
@@ -240,7 +240,7 @@ def _points_of_signs(role: Role, signal: Signal, own: set[str]) -> int | None:
         return 1 if signs is Signs.POSITIVE else 0
     if signs is Signs.BOTH:
         return None
-    if own & SINGLE[role] <= FORCES:
+    if signal_words & SINGLE[role] <= FORCES:
         return 1 if signs is Signs.POSITIVE else None
     return 0
 
@@ -255,16 +255,18 @@ def _kind(role: Role, signal: Signal) -> str:
 
 def _named(role: Role, words: Sequence[str], around: Sequence[str]) -> int:
     """Points of the names for a role; 0 where they do not fit."""
-    own, both = set(words), {*words, *around}
-    if own & OTHERS.get(role, frozenset()) or (role is Role.SPEED_SOURCE and not both & SPEED):
+    signal_words, both = set(words), {*words, *around}
+    if signal_words & OTHERS.get(role, frozenset()) or (
+        role is Role.SPEED_SOURCE and not both & SPEED
+    ):
         return 0
     if role is Role.VEHICLE_SPEED and "".join(words) in VEHICLE_WHOLE:
         return 3
     if role is Role.VEHICLE_SPEED and both & WHEEL:
         return 0
     if role in SINGLE:
-        return 2 if own & SINGLE[role] else 0
-    return _two(own, both, *PAIRS[role])
+        return 2 if signal_words & SINGLE[role] else 0
+    return _two(signal_words, both, *PAIRS[role])
 
 
 def _named_by_wheel(signal: Signal, words: Sequence[str]) -> int:
@@ -272,18 +274,18 @@ def _named_by_wheel(signal: Signal, words: Sequence[str]) -> int:
 
     With the unit of a speed the name may say nothing but the wheel: other things move, too.
     """
-    own = set(words)
+    signal_words = set(words)
     turns = find_factor(UNITS[Role.WHEEL_SPEED], signal.unit or "") is not None
-    bare = all(len(word) == 1 for word in own - WHEEL - PLAIN)
-    is_wheel = own & WHEEL and not own & OTHERS[Role.WHEEL_SPEED]
+    bare = all(len(word) == 1 for word in signal_words - WHEEL - PLAIN)
+    is_wheel = signal_words & WHEEL and not signal_words & OTHERS[Role.WHEEL_SPEED]
     return 2 if is_wheel and (turns or bare) else 0
 
 
-def _two(own: set[str], both: set[str], quantity: set[str], thing: set[str]) -> int:
+def _two(signal_words: set[str], both: set[str], quantity: set[str], thing: set[str]) -> int:
     """Points of a quantity of a thing, where the message may name either."""
-    if own & quantity and own & thing:
+    if signal_words & quantity and signal_words & thing:
         return 3
-    return 2 if own & (quantity | thing) and both & quantity and both & thing else 0
+    return 2 if signal_words & (quantity | thing) and both & quantity and both & thing else 0
 
 
 def _states(role: Role, signal: Signal) -> str:

@@ -143,31 +143,31 @@ class Senders:
         """
         out = keys.copy()
         for named in self._named.values():
-            mask, own = group_mask(named) | EXTENDED, source_address(named)
+            mask, named_sender = group_mask(named) | EXTENDED, source_address(named)
             same = is_data & ((keys & np.uint32(mask)) == np.uint32((named | EXTENDED) & mask))
             rows = np.flatnonzero(same)
             if not len(rows):
                 continue
             senders = keys[rows] & np.uint32(0xFF)
-            by_named = senders == own
+            by_named = senders == named_sender
             taken = by_named.copy()
             # Until the named sender is heard, the first that is.
             end = int(np.argmax(by_named)) if by_named.any() else len(rows)
-            if end and self.heard.get(named) != own:
+            if end and self.heard.get(named) != named_sender:
                 listened = self.heard.setdefault(named, int(senders[0]))
                 taken[:end] = senders[:end] == listened
             if by_named.any():
                 self._switch(named)
             out[rows[taken]] = named | EXTENDED
-            further = {*np.unique(senders).tolist()} - {self.heard[named], own}
+            further = {*np.unique(senders).tolist()} - {self.heard[named], named_sender}
             if further:
                 self.others.setdefault(named, set()).update(further)
         return out
 
     def _switch(self, named: int) -> None:
         """Listen to the sender that the database names, from now on."""
-        own = source_address(named)
-        before = self.heard.get(named, own)
-        if before != own:
+        named_sender = source_address(named)
+        before = self.heard.get(named, named_sender)
+        if before != named_sender:
             self.others.setdefault(named, set()).add(before)
-        self.heard[named] = own
+        self.heard[named] = named_sender

@@ -33,7 +33,7 @@ def load_without_faulty_messages(text: str) -> tuple[Database, tuple[str, ...]]:
         except (UnsupportedDatabaseFormatError, CantoolsError, ValueError) as error:
             reason = " ".join(str(error).split())[:200]
             unused = set(_UNUSED.findall(str(error)))
-            found = _NAMED.search(reason)
+            match = _NAMED.search(reason)
             if unused:
                 shorter = _without_statements(text, unused)
                 left_out += [
@@ -41,10 +41,10 @@ def load_without_faulty_messages(text: str) -> tuple[Database, tuple[str, ...]]:
                     for keyword, number, name in sorted(unused)
                     if number not in gone
                 ]
-            elif found is not None:
-                shorter, number = _without_message(text, found["name"])
+            elif match is not None:
+                shorter, number = _without_message(text, match["name"])
                 gone.add(number)
-                left_out.append(f"skipped message {found['name']}: {reason}")
+                left_out.append(f"skipped message {match['name']}: {reason}")
             else:
                 raise
             if shorter == text:

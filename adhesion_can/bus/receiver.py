@@ -72,13 +72,13 @@ class Receiver:
     @property
     def ids(self) -> list[IdFilter]:
         """Filters of every message to receive."""
-        found = []
+        filters = []
         for number, is_extended in self._by_id:
             if is_extended and self.senders.covers(number):
-                found.append(IdFilter(number, is_extended, group_mask(number)))
+                filters.append(IdFilter(number, is_extended, group_mask(number)))
             else:
-                found.append(IdFilter.exact(number, is_extended))
-        return found
+                filters.append(IdFilter.exact(number, is_extended))
+        return filters
 
     @property
     def rejected(self) -> int:

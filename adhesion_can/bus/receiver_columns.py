@@ -75,13 +75,13 @@ def _rows_by_record(
                 break
             channel = record.message.channel
             places = [i for i, name in enumerate(block.channels) if name in (channel, "")]
-            own = (
+            of_channel = (
                 np.ones(len(rows), dtype=np.bool_)
                 if channel is None
                 else np.isin(block.channel[rows], places)
             )
-            yield record, rows[own]
-            rows = rows[~own]
+            yield record, rows[of_channel]
+            rows = rows[~of_channel]
             if len(rows):
                 others = np.unique(block.channel[rows]).tolist()
                 record.other_channels.update(block.channels[place] for place in others)
@@ -96,16 +96,16 @@ def _receive_rows(
 ) -> None:
     """Check and decode the rows of one message."""
     record.frames += len(rows)
-    found = accept_rows(record.acceptance, block, rows, partial(_decode, record.message), t_us)
-    good = found.outcome == 0
-    counts = np.bincount(found.outcome, minlength=1 + len(REJECTIONS)).tolist()
+    accepted = accept_rows(record.acceptance, block, rows, partial(_decode, record.message), t_us)
+    good = accepted.outcome == 0
+    counts = np.bincount(accepted.outcome, minlength=1 + len(REJECTIONS)).tolist()
     for reason, code in REJECTION_CODE.items():
         if counts[code]:
             record.rejected[reason] += counts[code]
     record.add_all(t_us[good])
     # Where no payload has the right length, the message has no signals at all.
     any_payload = counts[REJECTION_CODE[Rejection.LENGTH]] < len(rows)
-    for key, (present, values) in found.columns.items() if any_payload else ():
+    for key, (present, values) in accepted.columns.items() if any_payload else ():
         carried = good if present is None else good & present
         record.readings += int(carried.sum())
         record.not_available += int(np.isnan(values[carried]).sum())
@@ -114,7 +114,7 @@ def _receive_rows(
         received.readings[key] = (t_us[carried], kept)
     received.accepted.append(rows[good])
     received.rejected.append(rows[~good])
-    received.lost.append((rows[found.lost > 0], found.lost[found.lost > 0]))
+    received.lost.append((rows[accepted.lost > 0], accepted.lost[accepted.lost > 0]))
 
 
 def _decode(message: BoundMessage, words: NDArray[np.uint64]) -> DecodedRows[_Columns]:

@@ -59,22 +59,22 @@ def candidates(
         role: Role that was not found.
 
     """
-    found = []
+    ranked = []
     for message in messages:
         for signal in message.signals:
             uses = guessed.uses_of(f"{message.name}.{signal.name}", role)
-            one = RoleCandidate(message, signal, tuple(uses))
+            candidate = RoleCandidate(message, signal, tuple(uses))
             words = {*split_words(signal.name)[0], *split_words(message.name)[0]}
             known = SINGLE[role] if role in SINGLE else PAIRS[role][1]
             named = len(words & known)
             if not _has_unit(role, signal, words) or find_obstacle(signal, message):
                 continue
-            if role in REQUIRED or (named and not one.uses):
+            if role in REQUIRED or (named and not candidate.uses):
                 one_sided = role is Role.TRACTIVE_EFFORT and signs_of(signal) is Signs.POSITIVE
-                rank = bool(one.uses), one_sided
-                found.append((rank, -named, message.name, signal.name, one))
-    found.sort(key=lambda row: row[:4])
-    return [row[-1] for row in found]
+                rank = bool(candidate.uses), one_sided
+                ranked.append((rank, -named, message.name, signal.name, candidate))
+    ranked.sort(key=lambda row: row[:4])
+    return [row[-1] for row in ranked]
 
 
 def torques(messages: Iterable[Message]) -> list[str]:

@@ -95,9 +95,9 @@ class GuessedRoles:
 
         """
         rows = [
-            *((one, f"taken for {one.name}") for one in self.taken),
-            *((one, f"open for {one.name}") for one in self.unclear),
-            *((one, f"open for {one.role}") for one in self.shared),
+            *((guess, f"taken for {guess.name}") for guess in self.taken),
+            *((guess, f"open for {guess.name}") for guess in self.unclear),
+            *((guess, f"open for {guess.role}") for guess in self.shared),
         ]
-        uses = [use for one, use in rows if one.place == place and one.role is not role]
+        uses = [use for guess, use in rows if guess.place == place and guess.role is not role]
         return list(dict.fromkeys(uses))

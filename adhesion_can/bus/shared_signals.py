@@ -32,10 +32,12 @@ def find_shared(taken: Iterable[RoleGuess], rivals: Iterable[str]) -> tuple[Role
 
 
 def _of_role(role: Role, guesses: Sequence[RoleGuess], axles: set[int]) -> list[RoleGuess]:
-    own = [guess for guess in guesses if guess.role is role]
-    open_ = sorted((guess for guess in own if not guess.of_axle), key=lambda guess: guess.axle)
+    role_guesses = [guess for guess in guesses if guess.role is role]
+    open_ = sorted(
+        (guess for guess in role_guesses if not guess.of_axle), key=lambda guess: guess.axle
+    )
     of_bogies = role is Role.AXLE_LOAD and any(guess.group for guess in open_)
-    fewer = {guess.axle for guess in own} < axles
+    fewer = {guess.axle for guess in role_guesses} < axles
     unknown = not axles and any(guess.group for guess in open_)
     unnumbered = any(not guess.numbered for guess in open_)
     return open_ if of_bogies or fewer or unknown or unnumbered else []

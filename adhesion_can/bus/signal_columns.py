@@ -94,9 +94,9 @@ class MessageSignals:
 
 def find_obstacle(signal: Signal, message: Message) -> str | None:
     """Why a signal of a message cannot be decoded, its multiplexers included; None: it can."""
-    own = _obstacle(signal, message.length) or _namesake(signal, message)
-    if own or signal.multiplexer_signal is None:
-        return own
+    own_obstacle = _obstacle(signal, message.length) or _namesake(signal, message)
+    if own_obstacle or signal.multiplexer_signal is None:
+        return own_obstacle
     return _Selectors(message).obstacle
 
 
@@ -234,7 +234,7 @@ class _Selection:
 
     def unknown(self) -> Mask | None:
         """Rows with a selector whose value the database does not know; None: there is none."""
-        found: Mask | None = None
+        any_unknown: Mask | None = None
         for name, known in self._selectors.known.items():
             if not known:
                 continue
@@ -242,8 +242,8 @@ class _Selection:
             above = self.present(self._selectors.signals[name].page)
             if above is not None:
                 unknown &= above
-            found = unknown if found is None else found | unknown
-        return found
+            any_unknown = unknown if any_unknown is None else any_unknown | unknown
+        return any_unknown
 
     def _among(self, name: str, ids: frozenset[int]) -> Mask:
         # cantools selects by the scaled value without its fraction.
@@ -281,12 +281,12 @@ def _namesake(signal: Signal, message: Message) -> str | None:
     return None
 
 
-def _meet(one: Signal, other: Signal) -> bool:
+def _meet(signal: Signal, other: Signal) -> bool:
     """Whether two signals can be in one frame, as far as one selector shows."""
-    if one.multiplexer_signal is None or other.multiplexer_signal is None:
+    if signal.multiplexer_signal is None or other.multiplexer_signal is None:
         return True
-    same = one.multiplexer_signal == other.multiplexer_signal
-    return same and not {*(one.multiplexer_ids or ())}.isdisjoint(other.multiplexer_ids or ())
+    same = signal.multiplexer_signal == other.multiplexer_signal
+    return same and not {*(signal.multiplexer_ids or ())}.isdisjoint(other.multiplexer_ids or ())
 
 
 def _integer_type(lowest: int, highest: int) -> _IntegerType | None:

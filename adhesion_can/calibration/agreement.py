@@ -26,7 +26,7 @@ def differs(axle: AxleRadius, result: Calibration) -> bool | None:
     """
     if axle.estimate is None:
         return None
-    tested = sum(one.estimate is not None for one in result.axles)
+    tested = sum(radius.estimate is not None for radius in result.axles)
     quantile = float(scipy.special.stdtrit(axle.blocks - 1, 1 - LEVEL / (2 * tested)))
     systematic = (result.systematic_percent or 0.0) / 100 * axle.configured
     return abs(axle.estimate.value - axle.configured) > quantile * axle.estimate.std + systematic
@@ -34,9 +34,11 @@ def differs(axle: AxleRadius, result: Calibration) -> bool | None:
 
 def agreement_dict(result: Calibration) -> dict[str, Any]:
     """Agreement of each axle and of all tested axles, as JSON has it."""
-    found = {axle.axle: differs(axle, result) for axle in result.axles}
+    differs_by_axle = {axle.axle: differs(axle, result) for axle in result.axles}
     return {
-        "agrees_with_configuration": not any(found.values()),
-        "axles_that_differ": [axle for axle, differing in found.items() if differing],
-        "axles_not_tested": [axle for axle, differing in found.items() if differing is None],
+        "agrees_with_configuration": not any(differs_by_axle.values()),
+        "axles_that_differ": [axle for axle, differing in differs_by_axle.items() if differing],
+        "axles_not_tested": [
+            axle for axle, differing in differs_by_axle.items() if differing is None
+        ],
     }

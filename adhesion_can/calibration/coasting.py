@@ -221,14 +221,14 @@ def join_coasting(parts: Sequence[CoastingRows]) -> CoastingRows:
     """Rows of all drives in which any axle coasts, with consecutive numbers of the blocks."""
     rows = [part.used.any(axis=1) for part in parts]
     blocks, base = [], 0
-    for part, own in zip(parts, rows, strict=True):
-        block = np.unique(part.block[own], return_inverse=True)[1] + base
+    for part, coasting in zip(parts, rows, strict=True):
+        block = np.unique(part.block[coasting], return_inverse=True)[1] + base
         base += int(np.ptp(block)) + 1 if len(block) else 0
         blocks.append(block)
 
     def column(name: str) -> NDArray[Any]:
         pairs = zip(parts, rows, strict=True)
-        return np.concatenate([getattr(part, name)[own] for part, own in pairs])
+        return np.concatenate([getattr(part, name)[coasting] for part, coasting in pairs])
 
     return CoastingRows(
         **{name: column(name) for name in ("speed", "rolling", "acceleration", "used", "span")},

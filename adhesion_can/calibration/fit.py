@@ -368,7 +368,10 @@ def _jackknife(X: Array, error: Array, weight: Array, block: NDArray[np.int64]) 
     curvatures = np.array([X[part].T @ inner[part] for part in parts])
     scores = np.array([X[part].T @ (weight * error)[part] for part in parts])
     whole = curvatures.sum(axis=0)
-    steps = [_solve(whole - own, -score) for own, score in zip(curvatures, scores, strict=True)]
+    steps = [
+        _solve(whole - curvature, -score)
+        for curvature, score in zip(curvatures, scores, strict=True)
+    ]
     solved = [step for step in steps if step is not None]
     count = len(parts)
     if len(solved) < count or count < 2:

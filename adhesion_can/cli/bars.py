@@ -96,8 +96,8 @@ class Bar:
 @contextmanager
 def bar(what: str) -> Iterator[Bar]:
     """A bar that is taken away at the end of the work."""
-    one = Bar(what)
+    progress_bar = Bar(what)
     try:
-        yield one
+        yield progress_bar
     finally:
-        one.close()
+        progress_bar.close()

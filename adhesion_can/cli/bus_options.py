@@ -46,7 +46,7 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
             action.metavar, action.help = "NAME", _SHOWN[action.dest]
         else:
             fold(action)
-    group = next(one for one in parser._action_groups if one.title == TITLE)  # noqa: SLF001
+    group = next(section for section in parser._action_groups if section.title == TITLE)  # noqa: SLF001
     group.add_argument(
         "--help-bus",
         action=_HelpBus,

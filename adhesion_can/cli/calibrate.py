@@ -111,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
     recordings = open_recordings(options.log)
     with reading("reading", recordings) as watched:
         loaded = list(load_coasting_traces(recordings, config, reference, watched))
-    drives = [build_coasting_drive(one, config, reference) for one in loaded]
+    drives = [build_coasting_drive(traces, config, reference) for traces in loaded]
     where = ", ".join(map(str, options.log))
     require_calibration_signals(drives, where, options.speed)
     result = calibrate(drives, config.vehicle, settings)
@@ -220,9 +220,9 @@ def _notes_on_source(
             return []
         return ["The offset belongs to --speed, so no role receives it."]
     notes = []
-    if derived := sum(one.derived for one in loaded):
+    if derived := sum(traces.derived for traces in loaded):
         notes.append(f"Dropped {derived} vehicle speeds that are derived from the driven axles.")
-    if any(one.trailing for one in loaded):
+    if any(traces.trailing for traces in loaded):
         notes.append(
             "The vehicle speed comes from a trailing axle; all radii contain the error of its "
             "radius."

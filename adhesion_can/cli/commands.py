@@ -193,6 +193,6 @@ COMMANDS: Mapping[str, Command] = {
 
 def example_lines(name: str) -> list[str]:
     """Examples of a command as a shell takes them, each below a comment."""
-    found = COMMANDS[name]
-    pairs = (found.first, found.second)
+    command = COMMANDS[name]
+    pairs = (command.first, command.second)
     return [line for what, words in pairs for line in (f"# {what}", f"adhesion-can {words}")]

@@ -45,7 +45,7 @@ def require_database(path: Path | None) -> None:
     if path is None or path.exists():
         return
     beside = path.parent.glob("*")
-    there = sorted(str(one) for one in beside if one.suffix.lower() in DATABASE_SUFFIXES)
+    there = sorted(str(file) for file in beside if file.suffix.lower() in DATABASE_SUFFIXES)
     fix = f"check the path, which is relative to {Path.cwd()}"
     if there:
         fix = f"databases in that folder: {', '.join(there[:SHOWN])}"

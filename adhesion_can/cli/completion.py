@@ -34,9 +34,9 @@ def run(options: argparse.Namespace) -> int:
     from adhesion_can.cli.main import build_parser  # noqa: PLC0415  it imports this one
 
     parser = build_parser()
-    for name, one in _commands(parser).items():
+    for name, subparser in _commands(parser).items():
         if name in COMMANDS:
-            _complete(name, one, shtab.FILE)
+            _complete(name, subparser, shtab.FILE)
     sys.stdout.write(shtab.complete(parser, options.shell))
     return 0
 
@@ -44,10 +44,10 @@ def run(options: argparse.Namespace) -> int:
 def _commands(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:
     """Parsers of the commands, with their options."""
     (action,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))  # noqa: SLF001
-    found: dict[str, argparse.ArgumentParser] = dict(action.choices)
-    for one in found.values():
-        one.load()  # type: ignore[attr-defined]
-    return found
+    parsers: dict[str, argparse.ArgumentParser] = dict(action.choices)
+    for subparser in parsers.values():
+        subparser.load()  # type: ignore[attr-defined]
+    return parsers
 
 
 def _complete(name: str, parser: argparse.ArgumentParser, file: object) -> None:
@@ -60,7 +60,7 @@ def _complete(name: str, parser: argparse.ArgumentParser, file: object) -> None:
 
 
 _NAMES: Mapping[tuple[str, str], Callable[[], Sequence[str]]] = {
-    ("simulate", "scenario"): lambda: [one.name for one in SCENARIOS],
+    ("simulate", "scenario"): lambda: [scenario.name for scenario in SCENARIOS],
     ("simulate", "effect"): lambda: list(dict.fromkeys(effect.id for effect in EFFECTS)),
     ("replay", "estimator"): lambda: list(known_estimators()),
 }

@@ -110,7 +110,7 @@ class Conversion:
         if decoded > LEAST_ACCEPTED * frames:
             return
         messages = self._database.db.messages
-        ids = [id_text(one.frame_id, one.is_extended_frame) for one in messages]
+        ids = [id_text(message.frame_id, message.is_extended_frame) for message in messages]
         known = ", ".join(sorted(ids)[:_SHOWN])
         database = f"{self._database.path.name} has {len(messages)}: {known}"
         if report.counts:
@@ -136,7 +136,7 @@ class Conversion:
         else:
             what = f"no frame of a known id; {self._unknown_ids()}{database}"
             fix = self._sender_hint() or "name the database of this bus with --dbc"
-        raise RecordingError(", ".join(str(one.path) for one in recordings), what, fix)
+        raise RecordingError(", ".join(str(recording.path) for recording in recordings), what, fix)
 
     def _unknown_ids(self) -> str:
         """Clause on the ids that the database does not have; '' where there are none."""

@@ -246,8 +246,8 @@ def _print(document: Mapping[str, Any], file: TextIO) -> None:
     out.print(FittingTable("Messages", columns, rows))
     unknown = Counter(
         {
-            f"{id_text(one['id'], one['extended'])} {one['name']}".strip(): one["frames"]
-            for one in document["unknown"]
+            f"{id_text(entry['id'], entry['extended'])} {entry['name']}".strip(): entry["frames"]
+            for entry in document["unknown"]
         }
     )
     unknown["further ids"] = document["unknown_beyond"]

@@ -106,22 +106,22 @@ def run(options: argparse.Namespace) -> int:
             f"demo: this machine was too slow: the service lost {lost} frames, and what it found "
             "may be worse for it; stop other programs and run the demo again"
         )
-    found = phases(bench.simulation.truth(), bench.rows)
+    run_phases = phases(bench.simulation.truth(), bench.rows)
     document = {**bench.simulation.truth(), **provenance(config)}
     write_json(str(options.out / "truth.json"), document, own_name=True)
-    summary = {"phases": [phase.to_dict() for phase in found], **provenance(config)}
+    summary = {"phases": [phase.to_dict() for phase in run_phases], **provenance(config)}
     write_json(str(options.out / "demo.json"), summary, own_name=True)
     write_json(options.json, summary)
     written = [f"no report: {missing}"]
     if not missing:
         said = page_provenance(provenance(bench.core.configuration), options)
-        texts = demo_texts(bench.simulation.truth(), found, bench.core, said)
+        texts = demo_texts(bench.simulation.truth(), run_phases, bench.core, said)
         report = page(bench.recorder.result(), texts, bench.core.configuration)
         _, *pictures = write_report(report, options, html)
         written = [*pictures, f"report: {html}; in a browser: {html.resolve().as_uri()}"]
     if talk(options):
         out = console()
-        out.print(phase_table(found))
+        out.print(phase_table(run_phases))
         out.print(
             "found: time until mu_max was within 5 % of the truth and the status TRACKING; "
             "used: adhesion as a share of mu_max"

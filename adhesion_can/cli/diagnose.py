@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
         spans = spans_of_a_drive(len(input_files)) if is_asked_for(options) else 0
         loaded = load_inputs(input_files, config, show, spans)
         sourced = limits_of(config.vehicle, config.limits, config.messages) if planned else None
-        found = diagnose_inputs(
+        diagnosis = diagnose_inputs(
             loaded,
             show,
             formulas,
@@ -110,8 +110,8 @@ def run(options: argparse.Namespace) -> int:
             witness=config if options.witness else None,
         )
     is_table = any(read.drive.table for read in loaded)
-    step = after_diagnosis(found, typed_words(options, options.inputs, tables=is_table), config)
-    found = replace(found, next_step=step.line)
+    step = after_diagnosis(diagnosis, typed_words(options, options.inputs, tables=is_table), config)
+    diagnosis = replace(diagnosis, next_step=step.line)
     command = build_command_line(options)
     problems = [problem for read in loaded for problem in read.problems]
     problems += [
@@ -123,12 +123,12 @@ def run(options: argparse.Namespace) -> int:
     del origin["inputs"]  # the diagnosis has more about them
     written = []
     if options.extended is not None:
-        problems += _describe_model_file(found, options)
-        if found.model is not None:
-            write_model(_with_provenance(found.model, found, command), options.extended)
+        problems += _describe_model_file(diagnosis, options)
+        if diagnosis.model is not None:
+            write_model(_with_provenance(diagnosis.model, diagnosis, command), options.extended)
             written.append(options.extended)
     if sourced is not None:
-        plan = None if found.next_drive is None else found.next_drive.plan
+        plan = None if diagnosis.next_drive is None else diagnosis.next_drive.plan
         if plan is not None:
             write_plan(plan, options.next_drive, sourced.sources_of(plan.limits))
             written.append(options.next_drive)
@@ -137,11 +137,11 @@ def run(options: argparse.Namespace) -> int:
     written += [] if options.json is None else [options.json]
     drives = {read.input_file.name: read.signals for read in loaded if read.signals is not None}
     Result(
-        document={**found.to_dict(), "problems": problems},
+        document={**diagnosis.to_dict(), "problems": problems},
         origin=origin,
-        parts=chain(terminal(found), problems, (f"written: {path}" for path in written)),
+        parts=chain(terminal(diagnosis), problems, (f"written: {path}" for path in written)),
         step=step,
-        page=lambda said: page(found, said, problems, drive_parts(drives, config, found)),
+        page=lambda said: page(diagnosis, said, problems, drive_parts(drives, config, diagnosis)),
     ).deliver(options)
     return 0
 
@@ -155,7 +155,7 @@ def build_command_line(options: argparse.Namespace) -> str:
         arguments += ["--formula", text]
     for text in options.column:
         arguments += ["--column", text]
-    named = {one.option: one.value(options) for one in options.outputs if one.is_file}
+    named = {output.option: output.value(options) for output in options.outputs if output.is_file}
     for option, value in {**named, "--config": options.config, "--dbc": options.dbc}.items():
         if value is not None:
             arguments += [option, _quote_argument(value)]

@@ -42,18 +42,18 @@ def run(options: argparse.Namespace) -> int:
         loaded = load_inputs(
             input_files, config, lambda _work, share: done(share * len(input_files))
         )
-    found = evaluate_inputs(loaded, config)
-    problems = [problem for one in loaded for problem in one.problems]
-    if found.left_out:
-        rows = counted(found.left_out, "row")
+    evaluation = evaluate_inputs(loaded, config)
+    problems = [problem for loaded_input in loaded for problem in loaded_input.problems]
+    if evaluation.left_out:
+        rows = counted(evaluation.left_out, "row")
         problems.append(f"dropped {rows}: the effects of the model have no finite value there")
-    is_table = any(one.drive.table for one in loaded)
-    worth = judge_model(found.total.refitted).value
+    is_table = any(loaded_input.drive.table for loaded_input in loaded)
+    worth = judge_model(evaluation.total.refitted).value
     Result(
-        document={**found.to_dict(), "worth": worth, "problems": problems},
+        document={**evaluation.to_dict(), "worth": worth, "problems": problems},
         origin=provenance(config, options.inputs),
-        parts=chain(render_evaluation(found), problems),
-        step=after_evaluation(found, typed_words(options, options.inputs, tables=is_table)),
-        page=lambda said: page(found, str(options.model), problems, said),
+        parts=chain(render_evaluation(evaluation), problems),
+        step=after_evaluation(evaluation, typed_words(options, options.inputs, tables=is_table)),
+        page=lambda said: page(evaluation, str(options.model), problems, said),
     ).deliver(options)
     return 0

@@ -137,8 +137,8 @@ def _check(options: argparse.Namespace) -> None:
     _experiment(options)
     make_folder(options.out, "--out")
     out = options.out / f"experiment-{options.number}"
-    own = {f"--out {suffix}": out.with_suffix(suffix) for suffix in (".html", ".json", ".csv")}
-    require_outputs(options, own=own)
+    outputs = {f"--out {suffix}": out.with_suffix(suffix) for suffix in (".html", ".json", ".csv")}
+    require_outputs(options, own=outputs)
 
 
 def _experiment(options: argparse.Namespace) -> Experiment:

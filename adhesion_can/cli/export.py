@@ -45,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     config = configuration(options)
-    own = {"OUT.fmu": options.out}
-    require_outputs(options, [config.database.path], own=own)
+    outputs = {"OUT.fmu": options.out}
+    require_outputs(options, [config.database.path], own=outputs)
     if options.out.suffix != ".fmu":
         what = "has no suffix .fmu, by which tools know the format"
         raise InputError(str(options.out), what, f"write {options.out.with_suffix('.fmu')}")

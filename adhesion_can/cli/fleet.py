@@ -204,7 +204,8 @@ def _finish(options: argparse.Namespace, plan: "Plan", summary: Summary) -> None
         "done": summary.count - len(failed),
         "kept": summary.kept,
         "failed": [
-            {"path": one.path, "step": one.failed_step, "error": one.error} for one in failed
+            {"path": outcome.path, "step": outcome.failed_step, "error": outcome.error}
+            for outcome in failed
         ],
         "same_content": summary.twice(),
         "vehicles": dict(sorted(summary.vehicles.items())),
@@ -232,7 +233,9 @@ def _next_entries(commands: Sequence[NextCommand]) -> dict[str, Any]:
     """Commands to run next as JSON has them: the first as a line, and all."""
     return {
         "next": commands[0].line if commands else None,
-        "next_commands": [{"vehicle": one.who, "command": one.command} for one in commands],
+        "next_commands": [
+            {"vehicle": command.who, "command": command.command} for command in commands
+        ],
     }
 
 
@@ -258,7 +261,7 @@ def _diagnose(
     commands = next_commands(overview.diagnosis, units, options)
     files = write_results(data, overview, {**_next_entries(commands), **origin})
     lines = [f"written: {file}" for file in files]
-    entries = [one.entry for one in commands]
+    entries = [command.entry for command in commands]
     made = fleet_page(overview, page_provenance(origin, options), entries)
     made = replace(made, next_step=commands[0].line if commands else "")
     missing = missing_report(Path(PAGE))

@@ -76,8 +76,8 @@ def next_commands(
 
     """
     by_path = {unit.path: unit for unit in units}
-    work = (one for one in _work(diagnosis) if any(path in by_path for path in one.recordings))
-    return [_command(one, by_path, options) for one in islice(work, MOST_COMMANDS)]
+    work = (task for task in _work(diagnosis) if any(path in by_path for path in task.recordings))
+    return [_command(task, by_path, options) for task in islice(work, MOST_COMMANDS)]
 
 
 def _work(diagnosis: "FleetDiagnosis") -> Iterable[_Work]:
@@ -88,10 +88,10 @@ def _work(diagnosis: "FleetDiagnosis") -> Iterable[_Work]:
             if sizes:
                 yield _Work(vehicle.vehicle, _telling(sizes), coasting)
     for vehicle in diagnosis.vehicles:
-        alone = [one for one in vehicle.cause_sizes if one.effect in vehicle.causes_alone]
+        alone = [size for size in vehicle.cause_sizes if size.effect in vehicle.causes_alone]
         if alone and not vehicle.findings:
             yield _Work(vehicle.vehicle, _telling(alone), coasting=False)
-    shared = [one.pooled for one in diagnosis.shared if one.pooled is not None]
+    shared = [finding.pooled for finding in diagnosis.shared if finding.pooled is not None]
     if shared:
         yield _Work(SHARED, _telling(shared[:1]), coasting=False)
 
@@ -99,25 +99,29 @@ def _work(diagnosis: "FleetDiagnosis") -> Iterable[_Work]:
 def _telling(sizes: "Iterable[PooledSize]") -> tuple[str, ...]:
     """Recordings of some sizes, those with the clearest size first."""
     clear: dict[str, float] = {}
-    for one in (one for size in sizes for one in size.sizes):
-        clear[one.recording] = max(clear.get(one.recording, 0.0), abs(one.value) / one.std)
+    for unit_size in (unit_size for size in sizes for unit_size in size.sizes):
+        clear[unit_size.recording] = max(
+            clear.get(unit_size.recording, 0.0), abs(unit_size.value) / unit_size.std
+        )
     return tuple(sorted(clear, key=lambda path: (-clear[path], path)))
 
 
-def _command(one: _Work, by_path: "Mapping[str, Unit]", options: argparse.Namespace) -> NextCommand:
-    known = [path for path in one.recordings if path in by_path]
+def _command(
+    task: _Work, by_path: "Mapping[str, Unit]", options: argparse.Namespace
+) -> NextCommand:
+    known = [path for path in task.recordings if path in by_path]
     config = by_path[known[0]].config
     chosen = sorted([path for path in known if by_path[path].config == config][:MOST_RECORDINGS])
-    name = re.sub(r"[^A-Za-z0-9._-]+", "_", one.who)
-    words = [own_command(), "calibrate" if one.coasting else "diagnose", *map(_local, chosen)]
-    words += ["--out", f"{name}.toml"] if one.coasting else ["--html", f"{name}.html"]
+    name = re.sub(r"[^A-Za-z0-9._-]+", "_", task.who)
+    words = [own_command(), "calibrate" if task.coasting else "diagnose", *map(_local, chosen)]
+    words += ["--out", f"{name}.toml"] if task.coasting else ["--html", f"{name}.html"]
     words += configuration_words(
         argparse.Namespace(**vars(options) | {"config": config or options.config})
     )
-    words += () if one.coasting else column_words(options)
+    words += () if task.coasting else column_words(options)
     remote = [path for path in chosen if "://" in path]
     fetch = f"fetch {', '.join(remote)}, then " if remote else ""
-    return NextCommand(one.who, f"{fetch}{shlex.join(words)}")
+    return NextCommand(task.who, f"{fetch}{shlex.join(words)}")
 
 
 def _local(path: str) -> str:

@@ -87,7 +87,7 @@ def describe(
     if failed:
         fix = "" if options.retry_failed else "; --retry-failed tries them again"
         lines.append(f"{counted(len(failed), 'unit')} failed; the data set has the errors{fix}:")
-        lines += [f"  {one.failed_step}: {one.error}" for one in failed[:FIRST]]
+        lines += [f"  {outcome.failed_step}: {outcome.error}" for outcome in failed[:FIRST]]
         if len(failed) > FIRST:
             lines.append(f"  and {len(failed) - FIRST} more: column error of the table units")
     twice = summary.twice()

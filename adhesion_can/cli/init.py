@@ -151,8 +151,8 @@ def _left_over(initial: InitialConfiguration) -> list[str]:
     lines = []
     for role in initial.absent:
         if role in REQUIRED:
-            found = [candidate_text(one) for one in initial.candidates(role)]
-            listed = _some(found) or f"no signal has a unit that fits ({known_units(role)})"
+            candidates = [candidate_text(candidate) for candidate in initial.candidates(role)]
+            listed = _some(candidates) or f"no signal has a unit that fits ({known_units(role)})"
             lines.append(f"{role} not found; candidates: {listed}")
             if role is Role.TRACTIVE_EFFORT and (ours := torques(initial.database.db.messages)):
                 lines.append(

@@ -50,12 +50,12 @@ def require_usual(given: Mapping[str, float], options: Mapping[str, str]) -> Non
 
     """
     for key, value in given.items():
-        found = find_unlikely(key, value)
-        if found is not None:
+        unlikely = find_unlikely(key, value)
+        if unlikely is not None:
             raise InputError(
                 options[key],
-                found.what,
-                f"pass {found.fix}; if it is right, write it into the file that 'init' makes",
+                unlikely.what,
+                f"pass {unlikely.fix}; if it is right, write it into the file that 'init' makes",
             )
 
 
@@ -79,12 +79,12 @@ def _number(key: str, carried_kg: float | None) -> Callable[[str], float]:
 
     def parse(answer: str) -> float:
         number = _positive(answer, key)
-        found = find_unlikely(key, number)
-        if found is None and key == "train_mass_kg" and carried_kg is not None:
-            found = find_light(number, carried_kg)
-        if found is not None and number not in unusual:
+        unlikely = find_unlikely(key, number)
+        if unlikely is None and key == "train_mass_kg" and carried_kg is not None:
+            unlikely = find_light(number, carried_kg)
+        if unlikely is not None and number not in unusual:
             unusual.add(number)
-            raise ValueError(f"{found.what}; type {found.fix}, or {answer} again to keep it")
+            raise ValueError(f"{unlikely.what}; type {unlikely.fix}, or {answer} again to keep it")
         return number
 
     return parse
@@ -106,11 +106,11 @@ def _positive(answer: str, key: str) -> float:
 
 def _in_its_unit(answer: str, key: str) -> str:
     """What to type in place of an answer with another unit, such as '92 kN'; '' for any other."""
-    found = _WITH_UNIT.fullmatch(answer)
+    match = _WITH_UNIT.fullmatch(answer)
     others = VEHICLE_RANGES[key].others
-    if found is None or found["unit"] not in others:
+    if match is None or match["unit"] not in others:
         return ""
-    number = float(found["number"].replace(",", ".")) * others[found["unit"]]
+    number = float(match["number"].replace(",", ".")) * others[match["unit"]]
     return f"type it in {VEHICLE_RANGES[key].unit}: {short(number)}"
 
 

@@ -181,11 +181,11 @@ class MonitorApp(App[None]):
         if shown is None:
             return
         if chosen.page is ViewPage.MESSAGES:
-            found = matching(shown.messages, chosen.wanted)
+            views = matching(shown.messages, chosen.wanted)
             view = selected_message(shown.messages, chosen.wanted, chosen.selected)
             if view is not None:
-                index = min(max(found.index(view) + rows, 0), len(found) - 1)
-                self.view.chosen = replace(chosen, selected=found[index].key)
+                index = min(max(views.index(view) + rows, 0), len(views) - 1)
+                self.view.chosen = replace(chosen, selected=views[index].key)
         else:
             last = last_row(shown, *self.view.size, chosen)
             first = min(max(chosen.first_row + rows, 0), last)

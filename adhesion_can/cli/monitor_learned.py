@@ -45,7 +45,7 @@ def _describe(path: Path) -> str:
     """State and content of a learned model."""
     try:
         told = tomllib.loads(path.read_text(encoding="utf-8")).get("provenance", {})
-        found, state = told["found"], told["state"]
+        findings, state = told["found"], told["state"]
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError, AttributeError):
         return f"{path.name}: no learned model, or not readable."
-    return f"Learned ({state}): {found}; {path.name}."
+    return f"Learned ({state}): {findings}; {path.name}."

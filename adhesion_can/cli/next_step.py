@@ -29,9 +29,9 @@ def typed_words(
         holdout=tuple(getattr(options, "holdout", ())),
         model=getattr(options, "model", None),
         outputs={
-            one.option: Path(value)
-            for one in options.outputs
-            if one.is_file and (value := one.value(options)) not in (None, "-")
+            output.option: Path(value)
+            for output in options.outputs
+            if output.is_file and (value := output.value(options)) not in (None, "-")
         },
     )
 

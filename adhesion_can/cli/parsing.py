@@ -78,9 +78,9 @@ class Parser(argparse.ArgumentParser):
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """An error names words that were given; help has several lines of our own."""
-        own = message.rstrip("\n")
+        text = message.rstrip("\n")
         if file is sys.stderr:
-            say(own)
+            say(text)
         else:
             super()._print_message(message, file)
 

@@ -225,7 +225,9 @@ def _document(
             doubt.json_name: n for doubt, n in setpoints.by_doubt.items() if doubt.json_name
         },
         "setpoints_by_objection": {
-            one.json_name: n for one, n in setpoints.by_objection.items() if one.json_name
+            objection.json_name: n
+            for objection, n in setpoints.by_objection.items()
+            if objection.json_name
         },
         "last": None if core.estimate is None else core.estimate.to_dict(),
         "fit": None if misfit is None else misfit.to_dict(),

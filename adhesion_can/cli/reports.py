@@ -128,7 +128,7 @@ def write_report(made: Page, options: argparse.Namespace, html: Path | None = No
     for name in PICTURES:
         target = getattr(options, name)
         if target is not None:
-            lines += [f"written: {one}" for one in write_pictures(made, target)]
+            lines += [f"written: {picture}" for picture in write_pictures(made, target)]
     if options.open and path is not None and not webbrowser.open(path.resolve().as_uri()):
         say(f"no browser was found: open {path} by hand")
     return lines
@@ -139,14 +139,14 @@ def page_provenance(origin: Mapping[str, Any], options: argparse.Namespace) -> d
     command = origin.get("command", options.command_line)
     entries = {"command": str(command), "version": str(origin["version"])}
     named = [(name, origin.get(name)) for name in ("dbc", "configuration", "model")]
-    named += [("input", one) for one in origin.get("inputs", ())]
-    for name, one in named:
-        if one is None:
+    named += [("input", file) for file in origin.get("inputs", ())]
+    for name, file in named:
+        if file is None:
             continue
-        hashed = f", sha256 {one['sha256']}" if one["sha256"] else ""
+        hashed = f", sha256 {file['sha256']}" if file["sha256"] else ""
         key, number = name, 1
         while key in entries:
             number += 1
             key = f"{name} {number}"
-        entries[key] = f"{one['path']}{hashed}"
+        entries[key] = f"{file['path']}{hashed}"
     return entries

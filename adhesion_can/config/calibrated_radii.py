@@ -40,8 +40,10 @@ def with_radii(configuration: Configuration, ratio: Mapping[int, float]) -> Conf
     def corrected(choice: SignalChoice) -> SignalChoice:
         if choice.role is not Role.WHEEL_SPEED or choice.axle not in at_rim:
             return choice
-        own = ratio.get(choice.axle, 1.0)
-        return replace(choice, factor=choice.used_factor * own, offset=choice.offset * own)
+        axle_ratio = ratio.get(choice.axle, 1.0)
+        return replace(
+            choice, factor=choice.used_factor * axle_ratio, offset=choice.offset * axle_ratio
+        )
 
     return replace(
         configuration,

@@ -178,7 +178,7 @@ class Configuration:
         given = {(choice.role, choice.axle) for choice in self.choices}
         axles = range(1, self.vehicle.axles + 1)
         needed = [(r, a) for r in (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT) for a in axles]
-        return [role_name(*one) for one in needed if one not in given]
+        return [role_name(*role_and_axle) for role_and_axle in needed if role_and_axle not in given]
 
     def missing_for_identification(self) -> list[str]:
         """Inputs that an adhesion coefficient needs and no role gives, by name."""
@@ -201,9 +201,9 @@ class Configuration:
 
         A force of several axles, or their load, may be shared by them where factors are stated.
         """
-        found: list[tuple[str, str]] = []
+        conflicts: list[tuple[str, str]] = []
         first: dict[tuple[str, str, str | None], SignalChoice] = {}
-        for choice in (one for one in self.choices if one.role is not Role.CHANNEL):
+        for choice in (mapped for mapped in self.choices if mapped.role is not Role.CHANNEL):
             place = choice.message, choice.signal, choice.channel
             other = first.setdefault(place, choice)
             if other is choice:
@@ -213,8 +213,10 @@ class Configuration:
                 continue
             signal = f"{choice.message}.{choice.signal}"
             what = f"{other.name} and {choice.name} are the same signal, {signal}"
-            found.append((what, _SHARED_FIX if may_share else "map each role to its own signal"))
-        return found
+            conflicts.append(
+                (what, _SHARED_FIX if may_share else "map each role to its own signal")
+            )
+        return conflicts
 
     def unknown_cycles(self) -> list[str]:
         """Names of the messages whose cycle neither the roles nor the database state."""

@@ -29,10 +29,10 @@ def decimal_commas_named(path: Path | None) -> Iterator[None]:
     try:
         yield
     except ConfigError as error:
-        found = None if path is None else _find(error, path)
-        if found is None:
+        line_and_comma = None if path is None else _find(error, path)
+        if line_and_comma is None:
             raise
-        number, comma = found
+        number, comma = line_and_comma
         given, meant = (f"{comma['whole']}{sign}{comma['part']}" for sign in ",.")
         raise ConfigError(
             f"{path}: line {number}: {comma['key']}",

@@ -64,8 +64,8 @@ class InitialConfiguration:
     @property
     def unused(self) -> list[str]:
         """Signals without a role, as `Message.Signal`."""
-        found = unused_signals(self.database.db.messages, self.guessed)
-        return [f"{message.name}.{signal.name}" for message, signal in found]
+        signals = unused_signals(self.database.db.messages, self.guessed)
+        return [f"{message.name}.{signal.name}" for message, signal in signals]
 
     def candidates(self, role: Role) -> list[RoleCandidate]:
         """Signals that may have a role that was not found, best first."""
@@ -75,9 +75,9 @@ class InitialConfiguration:
     def without_cycle(self) -> list[str]:
         """Messages of the roles, open ones included, that have no cycle in the database."""
         guessed = self.guessed
-        found = (*guessed.taken, *guessed.shared, *guessed.unclear)
-        messages = {one.message.name: one.message for one in found}
-        return [name for name, one in messages.items() if cycle_us(one) is None]
+        guesses = (*guessed.taken, *guessed.shared, *guessed.unclear)
+        messages = {guess.message.name: guess.message for guess in guesses}
+        return [name for name, message in messages.items() if cycle_us(message) is None]
 
     @property
     def one_sided(self) -> list[str]:
@@ -90,7 +90,7 @@ class InitialConfiguration:
         if self.axles is not None:
             return self.axles
         asked = [alike[0] for alike in self.guessed.rivals.values() if len(alike) == 1]
-        others = {name: one for name, one in self.guessed.rivals.items() if len(one) > 1}
+        others = {name: rivals for name, rivals in self.guessed.rivals.items() if len(rivals) > 1}
         return count_axles(
             replace(self.guessed, taken=(*self.guessed.taken, *asked), rivals=others)
         )
@@ -195,7 +195,9 @@ def _roles(initial: InitialConfiguration) -> str:
             f"# The database has no cycle of {', '.join(map(_comment, silent))}.",
             '# Write it at their roles: { signal = "MESSAGE.SIGNAL", cycle_ms = 20 } for 20 ms.',
         ]
-    for guess in sorted(guessed.taken, key=lambda one: (list(Role).index(one.role), one.axle)):
+    for guess in sorted(
+        guessed.taken, key=lambda taken: (list(Role).index(taken.role), taken.axle)
+    ):
         why = "chosen" if guess.reasons == CHOSEN else f"guessed from {_why(guess)}; check"
         lines.append(f"{_entry(guess, cycles)}  # {why}")
         lines += [f"#   {note}" for note in _notes(guess)]
@@ -210,8 +212,8 @@ def _roles(initial: InitialConfiguration) -> str:
         needed = "needed for adhesion" if role in REQUIRED else "optional"
         name = f"{role}.1" if role.per_axle else str(role)
         lines.append(f'# {quoted(name)} = "MESSAGE.SIGNAL"  # {needed}')
-        if found := initial.candidates(role):
-            lines.append(f"#   candidates: {', '.join(map(candidate_text, found))}")
+        if suggestions := initial.candidates(role):
+            lines.append(f"#   candidates: {', '.join(map(candidate_text, suggestions))}")
     return "\n".join(lines) + "\n"
 
 
@@ -228,11 +230,11 @@ def _entry(guess: RoleGuess, cycles: Mapping[str, float]) -> str:
 
 def signals_text(guesses: Sequence[RoleGuess]) -> str:
     """Signals with unit and stated range: `Message.Signal (kN, -60 to 60)`; what is alike once."""
-    texts = [f"({one.signal.unit or 'no unit'}{_range_text(one.signal)})" for one in guesses]
+    texts = [f"({guess.signal.unit or 'no unit'}{_range_text(guess.signal)})" for guess in guesses]
     if len(set(texts)) == 1:
-        return _comment(f"{', '.join(one.place for one in guesses)} {texts[0]}")
+        return _comment(f"{', '.join(guess.place for guess in guesses)} {texts[0]}")
     rows = zip(guesses, texts, strict=True)
-    return _comment(", ".join(f"{one.place} {text}" for one, text in rows))
+    return _comment(", ".join(f"{guess.place} {text}" for guess, text in rows))
 
 
 def _range_text(signal: Signal) -> str:
@@ -240,10 +242,10 @@ def _range_text(signal: Signal) -> str:
     return "" if ends is None else f", {ends[0]:g} to {ends[1]:g}"
 
 
-def candidate_text(one: RoleCandidate) -> str:
+def candidate_text(candidate: RoleCandidate) -> str:
     """A candidate with its unit, and the roles for which it is taken."""
-    uses = f", also {', '.join(one.uses)}" if one.uses else ""
-    return _comment(f"{one.place} ({one.signal.unit or 'no unit'}{uses})")
+    uses = f", also {', '.join(candidate.uses)}" if candidate.uses else ""
+    return _comment(f"{candidate.place} ({candidate.signal.unit or 'no unit'}{uses})")
 
 
 def shared_sentence(shared: Sequence[RoleGuess], axles: int | None) -> str:
@@ -270,7 +272,7 @@ def _shared(initial: InitialConfiguration, role: Role) -> list[str]:
         lines.append(f"# If each has {each}, in this order, uncomment:")
     else:
         lines.append("# Uncomment with the axle's number, and state its factor:")
-    lines += [f"# {_entry(one, initial.cycles)}  # {_why(one)}" for one in proposed or shared]
+    lines += [f"# {_entry(guess, initial.cycles)}  # {_why(guess)}" for guess in proposed or shared]
     if role is Role.TRACTIVE_EFFORT and proposed:
         lines += _one_of_each(initial, proposed)
     return lines
@@ -279,14 +281,14 @@ def _shared(initial: InitialConfiguration, role: Role) -> list[str]:
 def _one_of_each(initial: InitialConfiguration, proposed: Sequence[RoleGuess]) -> list[str]:
     """Roles with the first axle of each motor, commented out: none where all have an effort."""
     kept = first_axle_of_each((*initial.guessed.taken, *proposed))
-    own = [guess for guesses in kept.values() for guess in guesses]
-    if not any(guess.role is Role.WHEEL_SPEED for guess in own):
+    kept_roles = [guess for guesses in kept.values() for guess in guesses]
+    if not any(guess.role is Role.WHEEL_SPEED for guess in kept_roles):
         return []
-    own.sort(key=lambda one: (list(Role).index(one.role), one.axle))
+    kept_roles.sort(key=lambda guess: (list(Role).index(guess.role), guess.axle))
     return [
         "# 'simulate' moves every axle separately. For it, copy this file, write the number of",
         f"# axles, {len(kept)}, and keep only these roles of axles {' and '.join(map(str, kept))}:",
-        *(f"#   {_entry(guess, initial.cycles)}" for guess in own),
+        *(f"#   {_entry(guess, initial.cycles)}" for guess in kept_roles),
     ]
 
 

@@ -137,5 +137,5 @@ def _without_vehicle_speed(
                 "[observed_speed] enabled = true replaces the vehicle speed",
                 "remove one of the two",
             )
-    choices = tuple(one for one in configuration.choices if one.role not in _OF_SPEED)
+    choices = tuple(kept for kept in configuration.choices if kept.role not in _OF_SPEED)
     return replace(configuration, choices=choices)

@@ -91,16 +91,16 @@ def load_vehicle(value: object, where: str) -> Locomotive:
             stated[key] = len(each)
         else:
             # One number for all axles has the range of each.
-            one = typed(table[key], float, f"{place}.{key}")
-            (values[key],) = typed([one], hints[PER_AXLE[key]], f"{place}.{key}")
+            common = typed(table[key], float, f"{place}.{key}")
+            (values[key],) = typed([common], hints[PER_AXLE[key]], f"{place}.{key}")
     if len(set(stated.values())) > 1:
         raise ConfigError(place, "lists of different length", "give one value for each axle")
     axles = next(iter(stated.values()), default.axles)
     single = {key: table[key] for key in WHOLE_VEHICLE if key in table}
     geometry = _geometry(table.get("geometry"), axles, place)
     per_axle: dict[str, Any] = {
-        PER_AXLE[key]: one if isinstance(one, tuple) else (one,) * axles
-        for key, one in values.items()
+        PER_AXLE[key]: quantity if isinstance(quantity, tuple) else (quantity,) * axles
+        for key, quantity in values.items()
     }
     try:
         return Locomotive(

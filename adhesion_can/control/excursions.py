@@ -104,9 +104,9 @@ class Excursions:
         if phase in (1, 3):
             self._plateaus[phase // 2].add(measured, slip)
         low, high = s.low * peak_slip, s.high * peak_slip
-        own = held[place]
+        held_slip = held[place]
         wanted = held.copy()
-        wanted[place] = np.interp(part, CORNERS, (own, low, low, high, high, own))
+        wanted[place] = np.interp(part, CORNERS, (held_slip, low, low, high, high, held_slip))
         return wanted
 
     def _compare(self, curve: KnownCurve, place: int) -> None:

@@ -112,8 +112,8 @@ class ControllerOnBus:
     def ids(self) -> list[IdFilter]:
         """Filters of every message to receive."""
         plans = (message.plan for message in self._advices)
-        own = [IdFilter.exact(plan.frame_id, plan.is_extended) for plan in plans]
-        return [*self.receiver.ids, *own]
+        advice_ids = [IdFilter.exact(plan.frame_id, plan.is_extended) for plan in plans]
+        return [*self.receiver.ids, *advice_ids]
 
     @property
     def next_due_us(self) -> int | None:
@@ -182,14 +182,14 @@ class ControllerOnBus:
 
     def _by_axle(self, role: Role, t_us: int) -> Array:
         """Latest values of a role, shape (axles,); NaN where they are stale or not received."""
-        found = np.full(self._vehicle.axles, nan)
+        latest = np.full(self._vehicle.axles, nan)
         for axle in self._axles:
             value = self._values.get((role, axle))
             if value is not None:
                 at_us, number = value
                 if t_us - at_us <= STALE_CYCLES * self._cycles[role, axle]:
-                    found[axle - 1] = number
-        return found
+                    latest[axle - 1] = number
+        return latest
 
     def _compose(self, t_us: int, effort: Array) -> list[Frame]:
         known = {axle: float(x) for axle, x in enumerate(effort, 1) if np.isfinite(x)}

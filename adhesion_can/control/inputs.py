@@ -112,8 +112,8 @@ class KnownCurve:
         """Smallest slip ratio of each axle with that share of its peak, shape (axles,)."""
         c1, c2, c3 = self.theta
         slip = min(slip_at_share(share, c1, c2, c3, slip_max=SLIP_MAX), self.lambda_m)
-        own = [self.axles.get(axle, self.lambda_m) for axle in range(1, axles + 1)]
-        return np.asarray(slip * np.array(own) / self.lambda_m)
+        peak_slips = [self.axles.get(axle, self.lambda_m) for axle in range(1, axles + 1)]
+        return np.asarray(slip * np.array(peak_slips) / self.lambda_m)
 
     def adhesion(self, slip: Array | float) -> Array:
         """Adhesion at slip ratios (eq. 5), same shape."""

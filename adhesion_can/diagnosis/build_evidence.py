@@ -102,7 +102,7 @@ def build_model_scores(
         for candidate, fit in _fits_alone(findings).items()
         if best.candidates != (candidate,)
     ]
-    return tuple(sorted(scores, key=lambda one: one.held_out_rmse))
+    return tuple(sorted(scores, key=lambda score: score.held_out_rmse))
 
 
 def _fits_alone(findings: Findings) -> Mapping[Candidate, ScoredModel]:
@@ -193,7 +193,9 @@ def _mark_rivals(
     """The same with the strongest form of each rival as rival, and the others that were fitted."""
     out = list(evidence)
     for rival in {rival for cause in causes for rival in cause.rivals}:
-        places = [place for place, one in enumerate(out) if one.effect == rival]
+        places = [
+            place for place, effect_evidence in enumerate(out) if effect_evidence.effect == rival
+        ]
         strongest = max(places, key=lambda k: out[k].gain_percent, default=None)
         for place in places:
             if place == strongest or out[place].decision in _COMPARED:

@@ -40,12 +40,12 @@ class GainMethod(Flag):
     @property
     def note(self) -> str:
         """What is said of it behind what was held out; '' for the plain gain."""
-        return "".join(_METHOD_NOTES[one] for one in self)
+        return "".join(_METHOD_NOTES[method] for method in self)
 
     @property
     def names(self) -> list[str]:
         """As JSON has it."""
-        return [str(one.name).lower() for one in self]
+        return [str(method.name).lower() for method in self]
 
 
 _METHOD_NOTES = {

@@ -46,8 +46,8 @@ def part_rivals(findings: Findings) -> Findings:
     fits = [fit_and_score(everything, rival.model) for rival in rivals]
     place = min(range(len(fits)), key=lambda k: fits[k].cross_validated_square)
     left: list[ScoredModel] = [
-        one
-        for k, (one, fit) in enumerate(zip(rivals, fits, strict=True))
+        rival
+        for k, (rival, fit) in enumerate(zip(rivals, fits, strict=True))
         if k != place and not is_worse(fits[place], fit)
     ]
     # The selected model stays where it is as good: it was preferred for a reason.

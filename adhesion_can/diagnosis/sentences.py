@@ -56,8 +56,8 @@ def _observability(effect: str) -> _Shown:
 
 def _separation(effect: _Shown, rival: _Shown) -> str:
     """A manoeuvre that one of two effects states, or else one in general."""
-    for one, other in ((effect, rival), (rival, effect)):
-        for separation in one.observability.separations:
+    for shown, other in ((effect, rival), (rival, effect)):
+        for separation in shown.observability.separations:
             if separation.rival == other.id:
                 return separation.manoeuvre
     mine, theirs = (name.observability.excitation or name.id for name in (effect, rival))
@@ -150,13 +150,13 @@ def saturation_sentences(sensors: Sequence[SaturatedSensor]) -> list[str]:
     """A sentence for each recording with sensors that are cut off at a limit."""
     out = []
     for recording in dict.fromkeys(sensor.recording for sensor in sensors):
-        own = [sensor for sensor in sensors if sensor.recording == recording]
-        axles = ", ".join(str(sensor.axle) for sensor in own)
-        most = max(sensor.effort for sensor in own)
-        shares = [100 * sensor.share for sensor in own]
-        one, other = (f"{share:.1f}" for share in (min(shares), max(shares)))
-        share = one if one == other else f"{one} to {other}"
-        whose = f"axle {axles}" if len(own) == 1 else f"axles {axles}"
+        recording_sensors = [sensor for sensor in sensors if sensor.recording == recording]
+        axles = ", ".join(str(sensor.axle) for sensor in recording_sensors)
+        most = max(sensor.effort for sensor in recording_sensors)
+        shares = [100 * sensor.share for sensor in recording_sensors]
+        least, other = (f"{share:.1f}" for share in (min(shares), max(shares)))
+        share = least if least == other else f"{least} to {other}"
+        whose = f"axle {axles}" if len(recording_sensors) == 1 else f"axles {axles}"
         out.append(
             f"The tractive effort in {recording} is cut off at {most / 1e3:.2f} kN: {share} % of "
             f"the readings of {whose} are at this limit."

@@ -64,7 +64,7 @@ def estimate_fitted_curve(
         spread: Differences of the peak to that of a more flexible form.
 
     """
-    own = curves.select(surface)
+    surface_curve = curves.select(surface)
     size = curves.size
     place = slice(size * surface, size * (surface + 1))
     is_burckhardt = curves.family is BURCKHARDT
@@ -81,26 +81,26 @@ def estimate_fitted_curve(
         top = curves.peak(0, conditions, SLIP_MAX)
         return np.array([float(top.mu_max), float(top.lambda_m)])
 
-    mu_max, lambda_m = peak(own).tolist()
-    peak_covariance = _propagate(own, covariance, peak)
+    mu_max, lambda_m = peak(surface_curve).tolist()
+    peak_covariance = _propagate(surface_curve, covariance, peak)
     mu_std, lambda_std = np.sqrt(np.maximum(peak_covariance.diagonal(), 0.0)).tolist()
     mu_std = float(np.hypot(mu_std, spread.mu_max * mu_max))
     lambda_std = float(np.hypot(lambda_std, spread.lambda_m * lambda_m))
-    c1, c2, c3 = nearest(own).tolist()
+    c1, c2, c3 = nearest(surface_curve).tolist()
     settings = IdentifiabilitySettings()
-    found = replace(
+    fitted_estimate = replace(
         estimate,
         c1=c1,
         c2=c2,
         c3=c3,
-        covariance=_propagate(own, covariance, nearest),
+        covariance=_propagate(surface_curve, covariance, nearest),
         mu_max=mu_max,
         mu_max_std=mu_std,
         lambda_m=lambda_m,
         lambda_m_std=lambda_std,
         identifiable=assess_peak((mu_max, mu_std), (lambda_m, lambda_std), reached, settings),
     )
-    return require_fall(found) if is_burckhardt else found
+    return require_fall(fitted_estimate) if is_burckhardt else fitted_estimate
 
 
 def _propagate(
@@ -137,8 +137,8 @@ def build_shape_cause(
     std = np.sqrt(fitted.covariance.diagonal()[first : first + curves.size])
     std = std * curves.scales[surface]
     values = [
-        ParameterValue(p.name, float(value), float(one), p.unit, p.meaning)
-        for p, value, one in zip(
+        ParameterValue(p.name, float(value), float(value_std), p.unit, p.meaning)
+        for p, value, value_std in zip(
             shape.family.parameters, curves.parameters[surface], std, strict=True
         )
     ]

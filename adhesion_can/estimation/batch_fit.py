@@ -95,9 +95,9 @@ def fit_surface(samples: Samples, settings: IdentifiabilitySettings | None = Non
     """
     settings = settings or IdentifiabilitySettings()
     if samples.slip_total_var.any():
-        found = fit_with_errors(samples, settings.slip_max)
-        if found is not None:
-            return _require_inside(require_fall(build_estimate(*found, samples, settings)))
+        fitted = fit_with_errors(samples, settings.slip_max)
+        if fitted is not None:
+            return _require_inside(require_fall(build_estimate(*fitted, samples, settings)))
     return _require_inside(require_fall(fit(samples, settings)))
 
 

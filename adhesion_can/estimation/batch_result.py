@@ -91,8 +91,8 @@ class BatchResult:
             whole["family"] = judged[0] if len(judged) == 1 else None
         document = {**whole, "segments": segments, "left_out": self.left_out}
         if self.curves:
-            found = [None if c is None else c.to_dict() for c in self.curves]
-            for segment, curves in zip(segments, found, strict=True):
+            curve_dicts = [None if c is None else c.to_dict() for c in self.curves]
+            for segment, curves in zip(segments, curve_dicts, strict=True):
                 segment["curves"] = curves
             document["curves"] = self.whole_curves and self.whole_curves.to_dict()
         return document

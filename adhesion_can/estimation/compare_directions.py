@@ -48,20 +48,20 @@ class Directions(NamedTuple):
     @property
     def sentence(self) -> str:
         """What speaks against one curve, with what may cause it; '' where nothing does."""
-        found = []
+        contradictions = []
         if self.opposite:
             share = f"{100 * self.opposite:.0f} % of the samples beyond the peak"
-            found.append(f"slip and adhesion have opposite signs in {share}")
+            contradictions.append(f"slip and adhesion have opposite signs in {share}")
         if self.difference:
             way = "above" if self.difference > 0.0 else "below"
             share = f"{100 * abs(self.difference):.0f} % of mu_max"
-            found.append(
+            contradictions.append(
                 f"near the peak, adhesion in traction is {share} {way} adhesion in braking"
             )
-        if not found:
+        if not contradictions:
             return ""
         return (
-            f"{', and '.join(found)}: one curve does not fit both, so its peak is not "
+            f"{', and '.join(contradictions)}: one curve does not fit both, so its peak is not "
             "identified. Friction brakes that the effort does not contain, or slip in bends, "
             "may be the reason; 'adhesion-can diagnose' looks for it"
         )

@@ -262,7 +262,7 @@ def _minimise(rows: _Rows, weight: Array, start: float) -> tuple[Array, float]:
 
     """
     low = high = float(np.clip(np.log(start), np.log(LOWER[1]), np.log(UPPER[1])))
-    below = above = found = _profile(rows, weight, float(np.exp(low)))
+    below = above = at_start = _profile(rows, weight, float(np.exp(low)))
     step = 0.05
     # The valley lies where the slope turns from falling to rising.
     while below[0] > 0.0 and low > np.log(LOWER[1]):
@@ -274,7 +274,7 @@ def _minimise(rows: _Rows, weight: Array, start: float) -> tuple[Array, float]:
         high = min(high + step, float(np.log(UPPER[1])))
         above, step = _profile(rows, weight, float(np.exp(high))), 1.6 * step
     if not (below[0] < 0.0 < above[0]):
-        best = min((below, above, found), key=lambda one: one[2])
+        best = min((below, above, at_start), key=lambda profile: profile[2])
         return best[1], best[2]
     return _zero(rows, weight, (low, below), (high, above))
 
@@ -288,25 +288,25 @@ def _zero(
     """Zero of the slope between two values of ln c2, by the Illinois method."""
     (low, below), (high, above) = left, right
     g_low, g_high = below[0], above[0]
-    found, side = below, 0
+    profile, side = below, 0
     for _ in range(STEPS):
         if high - low <= TOLERANCE:
             break
         x = (low * g_high - high * g_low) / (g_high - g_low)
-        found = _profile(rows, weight, float(np.exp(x)))
-        if found[0] == 0.0:
+        profile = _profile(rows, weight, float(np.exp(x)))
+        if profile[0] == 0.0:
             break
-        if found[0] < 0.0:
-            moved, low, g_low = x - low, x, found[0]
+        if profile[0] < 0.0:
+            moved, low, g_low = x - low, x, profile[0]
             g_high *= 0.5 if side == -1 else 1.0
             side = -1
         else:
-            moved, high, g_high = high - x, x, found[0]
+            moved, high, g_high = high - x, x, profile[0]
             g_low *= 0.5 if side == 1 else 1.0
             side = 1
         if moved <= TOLERANCE:
             break
-    return found[1], found[2]
+    return profile[1], profile[2]
 
 
 def _scores(rows: _Rows, weight: Array, theta: Array) -> Array:

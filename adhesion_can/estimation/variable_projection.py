@@ -41,9 +41,9 @@ def fit_least_squares(h: Array, z: Array) -> Array:
         if abs(change) <= TOLERANCE:
             break
         tried = float(np.clip(c2 * np.exp(change), LOWER[1], UPPER[1]))
-        found = _project(tried, h, z)
-        if found[0] <= cost and tried != c2:
-            c2, (cost, c1, c3, change) = tried, found
+        projection = _project(tried, h, z)
+        if projection[0] <= cost and tried != c2:
+            c2, (cost, c1, c3, change) = tried, projection
         elif abs(change) <= ROUNDING:
             break
         else:

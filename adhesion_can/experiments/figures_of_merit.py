@@ -77,13 +77,13 @@ def collect_runs(
     """Result of one noise level from its runs, at least one, in the order of their numbers."""
     results = []
     for name in runs[0]:
-        own = [run[name] for run in runs if name in run]
-        needed = [run.samples_needed for run in own if run.samples_needed is not None]
+        estimator_runs = [run[name] for run in runs if name in run]
+        needed = [run.samples_needed for run in estimator_runs if run.samples_needed is not None]
         results.append(
             EstimatorResult(
                 name,
-                np.array([run.values for run in own]),
-                np.array([run.seconds for run in own]),
+                np.array([run.values for run in estimator_runs]),
+                np.array([run.seconds for run in estimator_runs]),
                 np.array(needed) if needed else None,
             )
         )

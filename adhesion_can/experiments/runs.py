@@ -84,20 +84,20 @@ def participants(
             estimator without that knowledge is the cost of detection.
 
     """
-    found = {
+    by_name = {
         name: Participant(streaming(factory), first_runs=FIRST_RUNS.get(name, inf))
         for name, factory in estimators.items()
     }
     if oracle is not None and not experiment.ramp:
-        found["oracle"] = Participant(partial(_run_streaming, oracle))
+        by_name["oracle"] = Participant(partial(_run_streaming, oracle))
     identify = identify_sequence if experiment.ramp else identify_blocks
     for name, overrides in _BARE[experiment.number].items():
-        found[name] = Participant(partial(_run_search, identify, overrides), streams=False)
+        by_name[name] = Participant(partial(_run_search, identify, overrides), streams=False)
     if not experiment.ramp:
         for name, identify in ((ONE_SAMPLE, _identify_one_sample), (ALL_DATA, identify_all_data)):
             run = partial(_run_search, identify, _SEQUENCE[experiment.number])
-            found[name] = Participant(run, streams=False)
-    return found
+            by_name[name] = Participant(run, streams=False)
+    return by_name
 
 
 _ORDINARY: Mapping[str, Any] = {"start": "uniform", "factor": 0.5}

@@ -120,8 +120,8 @@ def _identify(analysis: Analysis, unit: "RecordingUnit | TableUnit") -> Row:
 
 
 def _diagnose(analysis: Analysis, loaded: LoadedInput) -> Row:
-    found = diagnose_inputs([loaded], lambda _work, _share: None, effect_grams=True)
-    analysis.rows["causes"] = cause_rows(found)
-    if found.effect_grams is not None:
-        analysis.rows["effects"] = effect_rows(found.effect_grams)
-    return diagnosis_fields(found)
+    diagnosis = diagnose_inputs([loaded], lambda _work, _share: None, effect_grams=True)
+    analysis.rows["causes"] = cause_rows(diagnosis)
+    if diagnosis.effect_grams is not None:
+        analysis.rows["effects"] = effect_rows(diagnosis.effect_grams)
+    return diagnosis_fields(diagnosis)

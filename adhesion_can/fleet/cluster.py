@@ -162,10 +162,10 @@ def probe(out: str, token: str, seen: str | None) -> tuple[str, str]:
         return __version__, "has a different folder under the name of --out"
     if seen is not None:
         try:
-            found = open_place(seen).info()
+            info = open_place(seen).info()
         except InputError as error:
             return __version__, str(error)
-        if found is None:
+        if info is None:
             return __version__, f"cannot access {seen}"
     return __version__, ""
 

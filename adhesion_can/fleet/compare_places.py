@@ -60,7 +60,7 @@ def compare_places(
         rng: Random generator of the exchanges.
 
     """
-    stated = np.array([bool(one) for one in place], dtype=np.bool_)
+    stated = np.array([bool(name) for name in place], dtype=np.bool_)
     names, number = np.unique(np.array(place, dtype=np.str_)[stated], return_inverse=True)
     vehicles = np.unique(np.array(vehicle, dtype=np.str_)[stated], return_inverse=True)[1]
     deviation, weight = _standardised(size[stated], variance[stated])

@@ -126,14 +126,14 @@ def _compare(
     rows = left[number]
     spreads = tuple(fit_spread(size[rows, j], variance[rows, j]) for j in range(effects))
     mean, std = _means(
-        number, len(names), size, variance, np.array([one.variance for one in spreads])
+        number, len(names), size, variance, np.array([spread.variance for spread in spreads])
     )
-    z = (mean - np.array([one.center for one in spreads])) / std
+    z = (mean - np.array([spread.center for spread in spreads])) / std
     scale = np.ones(effects)
     for j in range(effects):
-        own = z[left & np.isfinite(z[:, j]), j]
-        if len(own) >= LEAST_VEHICLES:
-            scale[j] = np.sqrt(1.0 + fit_spread(own, np.ones(len(own))).variance)
+        deviations = z[left & np.isfinite(z[:, j]), j]
+        if len(deviations) >= LEAST_VEHICLES:
+            scale[j] = np.sqrt(1.0 + fit_spread(deviations, np.ones(len(deviations))).variance)
     statistic = z / scale
     enough = np.isfinite(z[left]).sum(axis=0) >= LEAST_VEHICLES
     known = statistic[left][np.isfinite(statistic[left])]

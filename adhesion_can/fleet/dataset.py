@@ -113,8 +113,8 @@ class DataSet:
         """Paths of the files of a table, in their order."""
         self._place.system.invalidate_cache()  # of listings: workers have written since
         with self._place.errors():
-            found = self._place.system.find(f"{self._place.inner.rstrip('/')}/{table.name}")
-        return sorted(file for file in found if file.endswith(".parquet"))
+            paths = self._place.system.find(f"{self._place.inner.rstrip('/')}/{table.name}")
+        return sorted(file for file in paths if file.endswith(".parquet"))
 
     def _read(self, file: str, names: Sequence[str]) -> Any:
         where = self._place.full(file)
@@ -172,10 +172,12 @@ class DataSet:
             Number of files that were removed.
 
         """
-        complete = {(one.unit_id, one.vehicle, one.day) for one in kept if one.unit_id in units}
+        complete = {
+            (unit.unit_id, unit.vehicle, unit.day) for unit in kept if unit.unit_id in units
+        }
         removed = 0
-        for table in (one for one in TABLES if one is not UNITS):
-            whole = {self._file(table, *one) for one in complete}
+        for table in (schema for schema in TABLES if schema is not UNITS):
+            whole = {self._file(table, *place) for place in complete}
             for file in self._files(table):
                 if Path(file).stem in units and file not in whole:
                     self._place.system.rm_file(file)

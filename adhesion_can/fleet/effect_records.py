@@ -45,28 +45,28 @@ def grams_from_rows(rows: Iterable[Row]) -> EffectGrams | None:
         ValueError: A row is missing, or a row of the matrix has another length.
 
     """
-    found = sorted(rows, key=lambda row: row["place"])
-    if not found:
+    ordered = sorted(rows, key=lambda row: row["place"])
+    if not ordered:
         return None
-    if [row["place"] for row in found] != list(range(len(found))):
+    if [row["place"] for row in ordered] != list(range(len(ordered))):
         raise ValueError("a row of the table 'effects' is missing")
-    gram = np.array([row["gram"] for row in found], dtype=np.float64)
-    if gram.shape != (len(found), len(found)):
+    gram = np.array([row["gram"] for row in ordered], dtype=np.float64)
+    if gram.shape != (len(ordered), len(ordered)):
         raise ValueError("a matrix of the table 'effects' is not square")
-    first = found[0]
+    first = ordered[0]
     return EffectGrams(
-        keys=_keys(tuple(tuple(row[name] for name in _KEY) for row in found)),
+        keys=_keys(tuple(tuple(row[name] for name in _KEY) for row in ordered)),
         gram=gram,
-        score=_column(found, "score"),
-        score_variance=_column(found, "score_variance"),
-        absorbed=_column(found, "absorbed"),
+        score=_column(ordered, "score"),
+        score_variance=_column(ordered, "score_variance"),
+        absorbed=_column(ordered, "absorbed"),
         square=float(first["square"]),
         rows=float(first["rows"]),
         blocks=int(first["blocks"]),
         rmse=float(first["rmse"]),
         fits={
             place: SizeEstimate(row["fitted_value"], row["fitted_std"])
-            for place, row in enumerate(found)
+            for place, row in enumerate(ordered)
             # Units of an earlier version of the package have no such columns.
             if row.get("fitted_value") is not None
         },
@@ -76,7 +76,7 @@ def grams_from_rows(rows: Iterable[Row]) -> EffectGrams | None:
 @lru_cache(maxsize=256)
 def _keys(cells: tuple[tuple[Any, ...], ...]) -> tuple[EffectKey, ...]:
     """Effects of a unit; most units have the same, which are kept once."""
-    return tuple(EffectKey(*one) for one in cells)
+    return tuple(EffectKey(*key_cells) for key_cells in cells)
 
 
 def _column(rows: Sequence[Row], name: str) -> np.ndarray:

@@ -119,7 +119,7 @@ class VehicleSummary:
             "failed": self.failed,
             "reasons": list(self.reasons),
             "causes": dict(self.causes),
-            "cause_sizes": [one.to_dict() for one in self.cause_sizes],
+            "cause_sizes": [size.to_dict() for size in self.cause_sizes],
         }
 
 
@@ -178,29 +178,31 @@ class FleetDiagnosis:
     @property
     def compared(self) -> bool:
         """Whether there are vehicles enough of any kind to compare them with each other."""
-        return any(one.compared for one in self.kinds)
+        return any(kind.compared for kind in self.kinds)
 
     @property
     def named(self) -> tuple[VehicleSummary, ...]:
         """Vehicles with a finding, the worst first."""
-        return tuple(one for one in self.vehicles if one.findings)
+        return tuple(vehicle for vehicle in self.vehicles if vehicle.findings)
 
     @property
     def named_alone(self) -> tuple[tuple[VehicleSummary, str], ...]:
         """Vehicles and effects that their recordings name and no comparison does."""
-        return tuple((one, effect) for one in self.vehicles for effect in one.causes_alone)
+        return tuple(
+            (vehicle, effect) for vehicle in self.vehicles for effect in vehicle.causes_alone
+        )
 
     @property
     def findings(self) -> tuple[FleetFinding, ...]:
         """All findings: those of the fleet, lines and days, then of the vehicles."""
-        return (*self.shared, *(f for one in self.vehicles for f in one.findings))
+        return (*self.shared, *(f for vehicle in self.vehicles for f in vehicle.findings))
 
     def to_dict(self) -> dict[str, Any]:
         """The result as JSON has it."""
         return {
             "units": self.units,
             "diagnosed": self.diagnosed,
-            "kinds": [one.to_dict() for one in self.kinds],
+            "kinds": [kind.to_dict() for kind in self.kinds],
             "false_discovery_rate": self.false_discovery_rate,
             "alpha": self.alpha,
             "shared": [finding.to_dict() for finding in self.shared],

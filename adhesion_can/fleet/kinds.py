@@ -39,7 +39,7 @@ class VehicleKind:
     @property
     def vehicles(self) -> int:
         """Number of vehicles."""
-        return len({one.vehicle for one in self.units})
+        return len({unit.vehicle for unit in self.units})
 
     @property
     def compared(self) -> bool:
@@ -54,19 +54,19 @@ def find_kinds(units: Iterable[UnitEvidence]) -> tuple[VehicleKind, ...]:
 
     """
     by_form: dict[VehicleForm, list[UnitEvidence]] = defaultdict(list)
-    for one in units:
-        if one.has_effects or one.radii:
-            by_form[one.form].append(one)
-    found = [
-        VehicleKind("", tuple(own))
+    for unit in units:
+        if unit.has_effects or unit.radii:
+            by_form[unit.form].append(unit)
+    kinds = [
+        VehicleKind("", tuple(kind_units))
         for form in sorted(by_form, key=repr)
-        for own in _split(by_form[form])
+        for kind_units in _split(by_form[form])
     ]
-    found.sort(key=lambda kind: (-kind.vehicles, kind.units[0].unit))
-    if len(found) < 2:
-        return tuple(found)
+    kinds.sort(key=lambda kind: (-kind.vehicles, kind.units[0].unit))
+    if len(kinds) < 2:
+        return tuple(kinds)
     return tuple(
-        VehicleKind(name, kind.units) for name, kind in zip(_names(found), found, strict=True)
+        VehicleKind(name, kind.units) for name, kind in zip(_names(kinds), kinds, strict=True)
     )
 
 
@@ -78,22 +78,26 @@ def _split(units: Sequence[UnitEvidence]) -> list[list[UnitEvidence]]:
     first.
     """
     effects: dict[str, set[tuple[str, str]]] = defaultdict(set)
-    for one in units:
-        keys = () if one.grams is None else one.grams.keys
-        effects[one.vehicle] |= {(key.effect, key.form) for key in keys}
-    sets = Counter(frozenset(own) for own in effects.values() if own)
+    for unit in units:
+        keys = () if unit.grams is None else unit.grams.keys
+        effects[unit.vehicle] |= {(key.effect, key.form) for key in keys}
+    sets = Counter(
+        frozenset(vehicle_effects) for vehicle_effects in effects.values() if vehicle_effects
+    )
     leader: dict[Effects, Effects] = {}
-    for own in sorted(sets, key=lambda one: (-sets[one], -len(one), sorted(one))):
+    for joining in sorted(
+        sets, key=lambda effect_set: (-sets[effect_set], -len(effect_set), sorted(effect_set))
+    ):
         like = (
             other
             for other in dict.fromkeys(leader.values())
-            if len(own & other) >= ALIKE * len(own | other)
+            if len(joining & other) >= ALIKE * len(joining | other)
         )
-        leader[own] = next(like, own)
+        leader[joining] = next(like, joining)
     first = next(iter(leader.values()), frozenset())
     divided: dict[Effects, list[UnitEvidence]] = defaultdict(list)
-    for one in units:
-        divided[leader.get(frozenset(effects[one.vehicle]), first)].append(one)
+    for unit in units:
+        divided[leader.get(frozenset(effects[unit.vehicle]), first)].append(unit)
     return list(divided.values())
 
 
@@ -108,7 +112,7 @@ def _names(kinds: Sequence[VehicleKind]) -> list[str]:
     names: list[str] = []
     seen: Counter[str] = Counter()
     for name, kind in zip(plain, kinds, strict=True):
-        first = min(one.vehicle for one in kind.units)
+        first = min(unit.vehicle for unit in kind.units)
         longer = name if often[name] == 1 else f"{name}, such as {first}"
         seen[longer] += 1
         names.append(longer if seen[longer] == 1 else f"{longer} ({seen[longer]})")

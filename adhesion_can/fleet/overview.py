@@ -131,7 +131,7 @@ def summarise_fleet(
         estimates.append(
             PlaceEstimate(*place, median, low, high, len(values[place]), len(vehicles[place]))
         )
-    failures.sort(key=lambda one: one.unit)
+    failures.sort(key=lambda failure: failure.unit)
     kept = np.unique(np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).astype(int))
     return FleetOverview(
         diagnosis,

@@ -66,10 +66,10 @@ class Place:
         """Names of all files below, or that fit the pattern, with what the file system says."""
         search = self.system.glob if pattern else self.system.find
         with self.errors():
-            found = search(self.inner, detail=True)
-        for one, info in found.items():
+            infos = search(self.inner, detail=True)
+        for name, info in infos.items():
             if info["type"] != "directory":
-                yield self.full(one), self._with_time(info)
+                yield self.full(name), self._with_time(info)
 
     def _with_time(self, info: Mapping[str, Any]) -> Mapping[str, Any]:
         """With the time of the last change in ns: as a float of seconds it is not exact."""

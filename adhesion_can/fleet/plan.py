@@ -85,11 +85,11 @@ def make_plan(
 
     """
     paths = dict.fromkeys(unit.config for unit in units)
-    found = {path: load(None if path is None else Path(path)) for path in paths}
-    for config in found.values():
+    configs = {path: load(None if path is None else Path(path)) for path in paths}
+    for config in configs.values():
         if {"replay", "identify", "diagnose"} & set(steps):
             config.require_identification()
         if "calibrate" in steps:
             require_calibration_roles(config)
         config.find_estimator()
-    return Plan(units, out, steps, found)
+    return Plan(units, out, steps, configs)

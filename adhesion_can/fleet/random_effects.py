@@ -74,7 +74,7 @@ def fit_spread(size: Array, variance: Array) -> Spread:
 
 def _central_variance(deviation: Array, variance: Array) -> float:
     """Variance between units with which the central deviations are as a normal law has them."""
-    found = 0.0
+    between = 0.0
     for share, wanted in zip(CENTRAL, _CENTRAL_SQUARES, strict=True):
         low, high = 0.0, float(np.max(deviation**2, initial=0.0)) / wanted
         if high == 0.0 or _quantile(deviation, variance, low, share) <= wanted:
@@ -83,8 +83,8 @@ def _central_variance(deviation: Array, variance: Array) -> float:
             middle = 0.5 * (low + high)
             above = _quantile(deviation, variance, middle, share) > wanted
             low, high = (middle, high) if above else (low, middle)
-        found = max(found, high)
-    return found
+        between = max(between, high)
+    return between
 
 
 def _quantile(deviation: Array, variance: Array, between: float, share: float) -> float:

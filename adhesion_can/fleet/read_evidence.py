@@ -71,11 +71,15 @@ def read_evidence(data: DataSet) -> list[UnitEvidence]:
         for row in rows:
             if row["unit_id"] in units:
                 effects[row["unit_id"]].append(row)
-        done = [name for name, own in effects.items() if len(own) == len(own[0]["gram"])]
+        done = [
+            name
+            for name, unit_rows in effects.items()
+            if len(unit_rows) == len(unit_rows[0]["gram"])
+        ]
         for name in done:
             units[name] = replace(units[name], grams=grams_from_rows(effects.pop(name)))
-    for name, own in effects.items():
-        units[name] = replace(units[name], error=_describe_incomplete(own, data.out))
+    for name, incomplete in effects.items():
+        units[name] = replace(units[name], error=_describe_incomplete(incomplete, data.out))
     return [units[name] for name in sorted(units)]
 
 

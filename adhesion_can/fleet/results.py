@@ -35,10 +35,10 @@ def diagnose_data_set(data: DataSet) -> FleetOverview:
         InputError: The data set cannot be read.
 
     """
-    found = diagnose_fleet(read_evidence(data))
+    diagnosis = diagnose_fleet(read_evidence(data))
     units = (row for rows in data.read_rows(UNITS, _OF_UNITS) for row in rows)
     segments = (row for rows in data.read_rows(SEGMENTS, _OF_SEGMENTS) for row in rows)
-    return summarise_fleet(found, units, segments)
+    return summarise_fleet(diagnosis, units, segments)
 
 
 def write_results(data: DataSet, overview: FleetOverview, origin: Mapping[str, Any]) -> list[str]:
@@ -56,7 +56,8 @@ def write_results(data: DataSet, overview: FleetOverview, origin: Mapping[str, A
     document = {
         **overview.diagnosis.to_dict(),
         "estimates": [
-            {name: getattr(one, name) for name in one.__slots__} for one in overview.estimates
+            {name: getattr(estimate, name) for name in estimate.__slots__}
+            for estimate in overview.estimates
         ],
         "failed": overview.failed,
         "verdicts": dict(overview.verdicts),

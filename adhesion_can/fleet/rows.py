@@ -56,7 +56,7 @@ def check_fields(result: CheckResult | TableCheck, problems: Sequence[str] = ())
 
 def calibration_fields(result: Calibration, applied: AppliedRadii) -> Row:
     """Columns of `calibrate`: lists by axle from 1, with None at an axle without a value."""
-    axles = {one.axle: one for one in result.axles}
+    axles = {radius.axle: radius for radius in result.axles}
 
     def listed(value: Callable[[AxleRadius], float | None]) -> list[float | None]:
         """A value of each axle; of axles without a wheel speed there is none."""
@@ -64,12 +64,18 @@ def calibration_fields(result: Calibration, applied: AppliedRadii) -> Row:
         return [number(value(axles[axle])) if axle in axles else None for axle in places]
 
     return {
-        "wheel_radii_m": listed(lambda one: None if one.estimate is None else one.estimate.value),
-        "wheel_radii_std_m": listed(lambda one: None if one.estimate is None else one.estimate.std),
-        "wheel_radii_configured_m": listed(lambda one: one.configured),
-        "coasting_s": listed(lambda one: one.coasting_s),
+        "wheel_radii_m": listed(
+            lambda axle: None if axle.estimate is None else axle.estimate.value
+        ),
+        "wheel_radii_std_m": listed(
+            lambda axle: None if axle.estimate is None else axle.estimate.std
+        ),
+        "wheel_radii_configured_m": listed(lambda axle: axle.configured),
+        "coasting_s": listed(lambda axle: axle.coasting_s),
         "wheel_radii_applied": bool(applied.ratio),
-        "wheel_radii_used_m": listed(lambda one: one.configured * applied.ratio.get(one.axle, 1.0)),
+        "wheel_radii_used_m": listed(
+            lambda axle: axle.configured * applied.ratio.get(axle.axle, 1.0)
+        ),
         "wheel_radii_note": applied.note or None,
         "speed_offset_mps": None if result.offset is None else number(result.offset.value),
     }
@@ -89,8 +95,8 @@ class SetpointStatistics:
         self._by_doubt[outputs.doubt] += 1
         if outputs.status is Status.TRACKING:
             point = outputs.setpoint
-            found = (point.mu_max, outputs.mu_max_std, point.lambda_m, outputs.lambda_m_std)
-            for name, value in zip(_MEDIANS, found, strict=True):
+            values = (point.mu_max, outputs.mu_max_std, point.lambda_m, outputs.lambda_m_std)
+            for name, value in zip(_MEDIANS, values, strict=True):
                 if value is not None and isfinite(value):
                     self._tracking[name].append(value)
 
@@ -102,8 +108,8 @@ class SetpointStatistics:
             "tracking_s": self._by_status[Status.TRACKING] * UPDATE_US / 1e6,
         }
         if count:
-            fields |= {status_column(one): self._by_status[one] / count for one in Status}
-            fields |= {doubt_column(one): self._by_doubt[one] / count for one in DESCRIPTIONS}
+            fields |= {status_column(status): self._by_status[status] / count for status in Status}
+            fields |= {doubt_column(doubt): self._by_doubt[doubt] / count for doubt in DESCRIPTIONS}
         return fields | {
             name: float(median(values)) if values else None
             for name, values in self._tracking.items()
@@ -195,7 +201,7 @@ def cause_rows(diagnosis: Diagnosis) -> list[Row]:
 
 def _named(cause: Cause, rank: int) -> Row:
     values = cause.parameters
-    axle = next((int(one.value) for one in values if one.name == "axle"), None)
+    axle = next((int(parameter.value) for parameter in values if parameter.name == "axle"), None)
     return {
         "effect": cause.effect,
         "form": cause.form,
@@ -203,9 +209,9 @@ def _named(cause: Cause, rank: int) -> Row:
         "named": True,
         "rank": rank,
         "p_value": number(cause.p_value),
-        "parameters": [one.name for one in values],
-        "values": [number(one.value) for one in values],
-        "stds": [number(one.std) for one in values],
-        "parameter_units": [one.unit for one in values],
+        "parameters": [parameter.name for parameter in values],
+        "values": [number(parameter.value) for parameter in values],
+        "stds": [number(parameter.std) for parameter in values],
+        "parameter_units": [parameter.unit for parameter in values],
         "rivals": list(cause.rivals),
     }

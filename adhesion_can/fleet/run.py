@@ -104,23 +104,23 @@ class _Flight:
         if self._alone and not self._flying:
             self._submit(self._alone.popleft())
 
-    def _submit(self, one: _Try) -> None:
+    def _submit(self, attempt: _Try) -> None:
         self._number += 1
-        key = ("unit", one.task.unit.unit_id, self._number)
-        future = self._client.submit(self._work, one.task, key=key, pure=False)
-        self._flying[future] = one
+        key = ("unit", attempt.task.unit.unit_id, self._number)
+        future = self._client.submit(self._work, attempt.task, key=key, pure=False)
+        self._flying[future] = attempt
         self._completed.add(future)
 
     def _land(self, future: Any) -> Outcome | None:
         """Outcome of a unit that came back; None where it is tried again."""
-        one = self._flying.pop(future)
+        attempt = self._flying.pop(future)
         try:
             outcome: Outcome = future.result()
         except KilledWorker:
-            one = replace(one, deaths=one.deaths + 1)
-            if one.deaths >= DEATHS:
-                return give_up(one.task, one.deaths)
-            (self._alone if one.deaths == DEATHS - 1 else self._again).append(one)
+            attempt = replace(attempt, deaths=attempt.deaths + 1)
+            if attempt.deaths >= DEATHS:
+                return give_up(attempt.task, attempt.deaths)
+            (self._alone if attempt.deaths == DEATHS - 1 else self._again).append(attempt)
             return None
         except (CancelledError, CommClosedError) as error:
             fix = "once the scheduler is available again, the same command continues from here"

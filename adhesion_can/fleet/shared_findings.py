@@ -39,7 +39,7 @@ def find_fleet_effects(
         for j, key in enumerate(left.keys):
             seen = np.isfinite(means[:, j])
             mean = pool(means[:, j], deviations[:, j] ** 2)
-            if mean.units < 2 or any(key in own for own in known):
+            if mean.units < 2 or any(key in known_sizes for known_sizes in known):
                 continue
             t = mean.value / mean.std
             p = float(min(1.0, 2 * scipy.stats.t.sf(abs(t), mean.units - 1) * len(left.keys)))
@@ -53,8 +53,8 @@ def find_fleet_effects(
             break
         share, j, mean, p = best
         key = left.keys[j]
-        for own in known:
-            own[key] = mean.value
+        for unit_sizes in known:
+            unit_sizes[key] = mean.value
         findings.append(
             FleetFinding.of(
                 key,
@@ -94,10 +94,10 @@ def find_place_effects(
     findings: list[FleetFinding] = []
     for row, name in enumerate(compared.names):
         rows = np.array([i for i, place in enumerate(places) if place == name])
-        own = [left.grams[i] for i in rows]
+        place_grams = [left.grams[i] for i in rows]
         best: tuple[float, int] | None = None
         for j in map(int, np.flatnonzero(compared.p_value[row] <= settings.alpha)):
-            share = gain_share(own, left.keys[j], float(compared.size[row, j]))
+            share = gain_share(place_grams, left.keys[j], float(compared.size[row, j]))
             if share >= settings.least_gain and (best is None or share > best[0]):
                 best = share, j
         if best is None or len(findings) >= MOST_PLACES:
@@ -127,8 +127,8 @@ def find_place_effects(
 
 def _showing(sizes: EffectSizes, j: int, rows: np.ndarray, value: float) -> int:
     """Number of units whose own size has the sign of a value and exceeds two standard errors."""
-    own = np.sign(value) * sizes.size[rows, j] > 2.0 * np.sqrt(sizes.variance[rows, j])
-    return int(own.sum())
+    shows = np.sign(value) * sizes.size[rows, j] > 2.0 * np.sqrt(sizes.variance[rows, j])
+    return int(shows.sum())
 
 
 def _named_by(units: Sequence[UnitEvidence], key: EffectKey) -> int:

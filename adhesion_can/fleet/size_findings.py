@@ -40,18 +40,18 @@ class FindingSizes:
 
     @cached_property
     def _by_vehicle(self) -> dict[str, list[UnitEvidence]]:
-        found: dict[str, list[UnitEvidence]] = defaultdict(list)
+        by_vehicle: dict[str, list[UnitEvidence]] = defaultdict(list)
         for unit in self.units:
-            found[unit.vehicle].append(unit)
-        return found
+            by_vehicle[unit.vehicle].append(unit)
+        return by_vehicle
 
     def with_size(self, finding: FleetFinding, beside: Sequence[FleetFinding] = ()) -> FleetFinding:
         """The finding with its pooled size."""
         key = finding.key
-        own = self._units_of(finding)
+        units = self._units_of(finding)
         sizes: list[UnitSize | None]
         if finding.source == COASTING:
-            sizes = [*sizes_by_coasting(own, finding.axle)]
+            sizes = [*sizes_by_coasting(units, finding.axle)]
             # Axle 0 is the speed, whose error all radii show.
             spread = self.wheel_spreads.get(finding.axle) or max(
                 self.wheel_spreads.values(), default=0.0
@@ -59,13 +59,15 @@ class FindingSizes:
         else:
             spread = self.spreads.get(key, 0.0)
             others = {
-                one.key: one.value for one in beside if one.source != COASTING and one != finding
+                other.key: other.value
+                for other in beside
+                if other.source != COASTING and other != finding
             }
             sizes = [
                 size_in_unit(unit, key, _without(key, {**self.known.get(unit.unit, {}), **others}))
-                for unit in own
+                for unit in units
             ]
-        known = [one for one in sizes if one is not None]
+        known = [size for size in sizes if size is not None]
         return replace(finding, pooled=pool_sizes(key, known, spread))
 
     def _units_of(self, finding: FleetFinding) -> Sequence[UnitEvidence]:
@@ -83,13 +85,13 @@ class FindingSizes:
 
     def of_causes(self, vehicle: str) -> tuple[PooledSize, ...]:
         """Sizes of the causes that the units of a vehicle name, that of the most units first."""
-        own = self._by_vehicle.get(vehicle, [])
-        found = [
+        units = self._by_vehicle.get(vehicle, [])
+        by_cause = [
             pool_sizes(key, sizes, self.spreads.get(key, 0.0))
-            for key, sizes in sizes_by_diagnosis(own).items()
+            for key, sizes in sizes_by_diagnosis(units).items()
         ]
-        pooled = [one for one in found if one is not None]
-        return tuple(sorted(pooled, key=lambda one: (-len(one.sizes), one.name)))
+        pooled = [size for size in by_cause if size is not None]
+        return tuple(sorted(pooled, key=lambda size: (-len(size.sizes), size.name)))
 
 
 def size_findings_of(

@@ -104,7 +104,7 @@ class RecordingUnit:
             **_times(contents.extractor.first_us),
             "duration_s": contents.duration_s,
             "frames": contents.extractor.counts["frames"],
-            "axles": sum(one.role is Role.WHEEL_SPEED for one in self._config.choices),
+            "axles": sum(choice.role is Role.WHEEL_SPEED for choice in self._config.choices),
             "samples": len(contents.samples),
         }
 

@@ -76,11 +76,11 @@ def find_units(inputs: Iterable[str], vehicle: str | None, out: str) -> list[Uni
 
     """
     named = _vehicle_by(vehicle)
-    own = f"{open_place(out).name.rstrip('/')}/"
+    out_folder = f"{open_place(out).name.rstrip('/')}/"
     units: dict[str, Unit] = {}
     for given in inputs:
         for path, info in _files(given):
-            if not path.startswith(own):
+            if not path.startswith(out_folder):
                 units.setdefault(path, _unit(path, named(path), info))
     if not units:
         raise InputError("fleet", "the inputs contain no recording or TABLE", "check the paths")
@@ -208,7 +208,7 @@ def _is_taken(name: str, folder: str) -> bool:
     below = name[len(folder.rstrip("/")) + 1 :]
     if any(part.startswith((".", "_")) for part in below.split("/")):
         return False
-    suffixes = [one.lower() for one in Path(below).suffixes]
+    suffixes = [suffix.lower() for suffix in Path(below).suffixes]
     if suffixes and suffixes[-1] in {".gz", ".zst"}:
         suffixes.pop()
     return bool(suffixes) and suffixes[-1] in _SUFFIXES

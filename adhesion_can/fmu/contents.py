@@ -118,7 +118,7 @@ def read_contents(folder: Path) -> tuple[FmuContents, str]:
         here = f"{__version__} is installed for {sys.executable}"
         what = f"exported by adhesion-can {values['version']}, and {here}"
         raise InputError("this FMU", what, f"{_AGAIN}, or install that version")
-    kind = next((one for one in KINDS if one == values["kind"]), None)
+    kind = next((known for known in KINDS if known == values["kind"]), None)
     databases = sorted(folder.glob(f"{DATABASE}.*"))
     if kind is None or len(databases) != 1:
         raise InputError(str(folder), "not the resources of an FMU of this package", _AGAIN)

@@ -69,8 +69,10 @@ class ControllerSlave:
         ]
         keys = [SignalKey(role, axle) for role in _BY_AXLE for axle in self._axles]
         keys.append(SignalKey(Role.VEHICLE_SPEED, 0))
-        advice = [one for one in output_variables(Causality.INPUT) if one.name in _USED]
-        own = [
+        advice = [
+            variable for variable in output_variables(Causality.INPUT) if variable.name in _USED
+        ]
+        peak_slips = [
             Variable(
                 f"lambda_m_{axle}",
                 Causality.INPUT,
@@ -84,7 +86,7 @@ class ControllerSlave:
             for axle in self._axles
         ]
         readings = [signal_variable(key, Causality.INPUT) for key in keys]
-        self._variables = in_order([*cycles, *readings, *advice, *own, *demands])
+        self._variables = in_order([*cycles, *readings, *advice, *peak_slips, *demands])
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -126,14 +128,14 @@ class ControllerSlave:
 
     def _advice(self, values: Values) -> Advice:
         c1, c2, c3 = (known(values[name]) for name in ("c1", "c2", "c3"))
-        own = {axle: known(values[f"lambda_m_{axle}"]) for axle in self._axles}
+        peak_slips = {axle: known(values[f"lambda_m_{axle}"]) for axle in self._axles}
         return Advice(
             status=_item(Status, "status", values),
             doubt=_item(Doubt, "doubt", values),
             lambda_m=known(values["lambda_m"]),
             lambda_m_std=known(values["lambda_m_std"]),
             theta=None if c1 is None or c2 is None or c3 is None else (c1, c2, c3),
-            axles={axle: slip for axle, slip in own.items() if slip is not None},
+            axles={axle: slip for axle, slip in peak_slips.items() if slip is not None},
             objection=_item(Objection, "objection", values),
         )
 
@@ -147,7 +149,7 @@ def _item(kind: type[Item], name: str, values: Values) -> Item:
     try:
         return kind(int(values[name]))
     except ValueError as error:
-        numbers = ", ".join(str(one.value) for one in kind)
+        numbers = ", ".join(str(member.value) for member in kind)
         raise InputError(
             name, f"no item has the number {values[name]:g}", f"known: {numbers}"
         ) from error

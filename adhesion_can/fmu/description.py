@@ -83,7 +83,7 @@ def describe(
     _add_units(root, variables)
     _add_types(root, variables)
     SubElement(SubElement(root, "LogCategories"), "Category", name=CATEGORY)
-    stop_s = next((one.start for one in variables if one.name == "duration"), 60.0)
+    stop_s = next((variable.start for variable in variables if variable.name == "duration"), 60.0)
     SubElement(
         root,
         "DefaultExperiment",
@@ -107,7 +107,7 @@ def describe(
 
 
 def _add_units(root: Element, variables: Sequence[Variable]) -> None:
-    used = dict.fromkeys(one.unit for one in variables if one.unit)
+    used = dict.fromkeys(variable.unit for variable in variables if variable.unit)
     if not used:
         return
     units = SubElement(root, "UnitDefinitions")
@@ -118,7 +118,7 @@ def _add_units(root: Element, variables: Sequence[Variable]) -> None:
 
 
 def _add_types(root: Element, variables: Sequence[Variable]) -> None:
-    used = dict.fromkeys(one.enumeration for one in variables if one.enumeration)
+    used = dict.fromkeys(variable.enumeration for variable in variables if variable.enumeration)
     if not used:
         return
     types = SubElement(root, "TypeDefinitions")
@@ -130,38 +130,38 @@ def _add_types(root: Element, variables: Sequence[Variable]) -> None:
 
 def _add_variables(root: Element, variables: Sequence[Variable]) -> None:
     parent = SubElement(root, "ModelVariables")
-    for reference, one in enumerate(variables):
-        is_real = one.type is VariableType.REAL
+    for reference, variable in enumerate(variables):
+        is_real = variable.type is VariableType.REAL
         variability = "continuous" if is_real else "discrete"
         scalar = SubElement(
             parent,
             "ScalarVariable",
-            name=one.name,
+            name=variable.name,
             valueReference=str(reference),
-            description=one.description,
-            causality=one.causality.value,
-            variability="fixed" if one.causality is Causality.PARAMETER else variability,
+            description=variable.description,
+            causality=variable.causality.value,
+            variability="fixed" if variable.causality is Causality.PARAMETER else variability,
         )
-        value = SubElement(scalar, one.type.value)
-        if one.enumeration is not None:
-            value.set("declaredType", one.enumeration.name)
-        if one.unit:
-            value.set("unit", one.unit)
-        if one.causality is Causality.OUTPUT:
+        value = SubElement(scalar, variable.type.value)
+        if variable.enumeration is not None:
+            value.set("declaredType", variable.enumeration.name)
+        if variable.unit:
+            value.set("unit", variable.unit)
+        if variable.causality is Causality.OUTPUT:
             scalar.set("initial", "calculated")
-        elif one.type is VariableType.BOOLEAN:
-            value.set("start", "true" if one.start else "false")
+        elif variable.type is VariableType.BOOLEAN:
+            value.set("start", "true" if variable.start else "false")
         elif is_real:
-            value.set("start", _number(one.start))
+            value.set("start", _number(variable.start))
         else:
-            value.set("start", str(int(one.start)))
+            value.set("start", str(int(variable.start)))
 
 
 def _add_structure(root: Element, variables: Sequence[Variable]) -> None:
     """Outputs depend on no input of the same time; their first values on the parameters."""
     structure = SubElement(root, "ModelStructure")
     places = {
-        causality: [n for n, one in enumerate(variables, 1) if one.causality is causality]
+        causality: [n for n, variable in enumerate(variables, 1) if variable.causality is causality]
         for causality in Causality
     }
     parameters = " ".join(map(str, places[Causality.PARAMETER]))

@@ -77,5 +77,5 @@ def describe_contents(contents: FmuContents, slave: Slave) -> tuple[str, str]:
     for name, file in (("config", contents.config_file), ("model", contents.model_file)):
         if file is not None:
             origin[name] = file_sha256(file)
-    cycles = [one.start for one in variables if one.name.startswith("cycle")]
+    cycles = [variable.start for variable in variables if variable.name.startswith("cycle")]
     return describe(contents.kind, variables, min(cycles, default=STEP_US / 1e6), origin)

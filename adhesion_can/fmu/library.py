@@ -55,8 +55,8 @@ _LINUX_MACHINE = (
     else "x86_64"
 )
 PLATFORMS: Mapping[str, TargetPlatform] = {
-    one.name: one
-    for one in (
+    target.name: target
+    for target in (
         # A machine on ARM calls itself linux64, too: there its own processor is the target.
         TargetPlatform(
             "linux64", ".so", _POSIX, (f"{_LINUX_MACHINE}-linux-gnu.2.17",), ("-fPIC", "-lm")
@@ -83,9 +83,9 @@ def possible_platforms() -> list[str]:
     """
     if _has_zig():
         return list(PLATFORMS)
-    own = own_platform()
-    if own is not None and _own_compiler() is not None:
-        return [own]
+    own_name = own_platform()
+    if own_name is not None and _own_compiler() is not None:
+        return [own_name]
     raise InputError("export", "there is no C compiler here", install_extra("fmu"))
 
 
@@ -101,7 +101,10 @@ def build_library(name: str) -> bytes:
     """
     target = PLATFORMS[name]
     compilers = _find_compilers(target)
-    sources = [*sorted(SOURCE.glob("*.h")), *(SOURCE / one for one in target.sources)]
+    sources = [
+        *sorted(SOURCE.glob("*.h")),
+        *(SOURCE / source_name for source_name in target.sources),
+    ]
     # A home may be shared by machines of several kinds.
     digest = sha256(repr((compilers, _FLAGS, target.flags, platform.machine())).encode())
     for source in sources:
@@ -140,10 +143,10 @@ def _find_compilers(target: TargetPlatform) -> list[list[str]]:
     """Start of the command line for each processor of a platform."""
     if _has_zig():
         zig = [sys.executable, "-m", "ziglang", "cc", "-s"]
-        return [[*zig, "-target", one] for one in target.targets]
-    own = _own_compiler()
-    if own is not None and target.name == own_platform():
-        return [[own]]
+        return [[*zig, "-target", zig_target] for zig_target in target.targets]
+    compiler = _own_compiler()
+    if compiler is not None and target.name == own_platform():
+        return [[compiler]]
     raise InputError(
         f"--platform {target.name}", "there is no C compiler for it here", install_extra("fmu")
     )

@@ -31,7 +31,10 @@ from adhesion_can.simulation.run import STEP_US
 from adhesion_can.simulation.scenarios import SCENARIOS
 
 SCENARIO = EnumerationType(
-    "Scenario", tuple((one.name, number, one.meaning) for number, one in enumerate(SCENARIOS, 1))
+    "Scenario",
+    tuple(
+        (scenario.name, number, scenario.meaning) for number, scenario in enumerate(SCENARIOS, 1)
+    ),
 )
 DEFAULT_SCENARIO = "dry-wet-greasy-dry"
 _PARAMETER, _INPUT, _OUTPUT = Causality
@@ -52,8 +55,8 @@ class LocomotiveSlave:
         self._configuration = configuration
         self._axles = range(1, configuration.vehicle.axles + 1)
         self._messages = {
-            (one.plan.frame_id, one.plan.is_extended, one.channel or ""): one
-            for one in sent_messages(configuration)
+            (message.plan.frame_id, message.plan.is_extended, message.channel or ""): message
+            for message in sent_messages(configuration)
         }
         keys = [
             SignalKey(signal.role, signal.axle)
@@ -101,7 +104,9 @@ class LocomotiveSlave:
         self._simulation = make_simulation(settings, self._configuration, slot_us=0)
         self._is_demanded = False
         self._readings = {
-            one.name: one.start for one in self._variables if one.name in self._names.values()
+            variable.name: variable.start
+            for variable in self._variables
+            if variable.name in self._names.values()
         }
         self._receive(self._simulation.first_frames())
         return self._outputs()
@@ -146,7 +151,7 @@ class LocomotiveSlave:
 
 
 def _parameters() -> list[Variable]:
-    names = [one.name for one in SCENARIOS]
+    names = [rail.name for rail in SCENARIOS]
     scenario = enumerated(
         "scenario", _PARAMETER, SCENARIO, "rail of the run", 1 + names.index(DEFAULT_SCENARIO)
     )

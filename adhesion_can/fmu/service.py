@@ -173,9 +173,9 @@ def output_variables(causality: Causality) -> list[Variable]:
 
 def axle_variables(axles: Iterable[int]) -> list[Variable]:
     """Setpoints by axle, as outputs."""
-    found = []
+    variables = []
     for axle in axles:
-        found += [
+        variables += [
             Variable(f"mu_max_{axle}", _OUTPUT, f"axle {axle}: largest adhesion coefficient", "1"),
             Variable(
                 f"lambda_m_{axle}", _OUTPUT, f"axle {axle}: slip ratio of the largest adhesion", "1"
@@ -184,7 +184,7 @@ def axle_variables(axles: Iterable[int]) -> list[Variable]:
                 f"creep_speed_setpoint_{axle}", _OUTPUT, f"axle {axle}: creep speed to hold", "m/s"
             ),
         ]
-    return found
+    return variables
 
 
 def output_values(outputs: Outputs) -> dict[str, float]:

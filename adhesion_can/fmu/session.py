@@ -50,8 +50,8 @@ class Session:
 
     def __init__(self, slave: Slave) -> None:
         self._slave = slave
-        self._given = [one.name for one in slave.variables if one.is_set]
-        self._outputs = [one.name for one in slave.variables if not one.is_set]
+        self._given = [variable.name for variable in slave.variables if variable.is_set]
+        self._outputs = [variable.name for variable in slave.variables if not variable.is_set]
         self._now_us: int | None = None
 
     @property
@@ -100,11 +100,11 @@ def hello(variables: Sequence[Variable]) -> list[float]:
     """Type, causality and start value of each variable, as the library numbers them."""
     return [
         number
-        for one in variables
+        for variable in variables
         for number in (
-            float(_TYPES.index(one.type)),
-            float(_CAUSALITIES.index(one.causality)),
-            one.start,
+            float(_TYPES.index(variable.type)),
+            float(_CAUSALITIES.index(variable.causality)),
+            variable.start,
         )
     ]
 

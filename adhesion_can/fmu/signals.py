@@ -89,7 +89,10 @@ class SignalGroup(NamedTuple):
 
 def group_signals(messages: Iterable[BoundMessage]) -> list[SignalGroup]:
     """Signals by message, in the order in which a bus would carry them: by ascending id."""
-    ordered = sorted(messages, key=lambda one: (one.plan.is_extended, one.plan.frame_id))
+    ordered = sorted(
+        messages,
+        key=lambda bound_message: (bound_message.plan.is_extended, bound_message.plan.frame_id),
+    )
     names: dict[str, int] = {}
     groups = []
     for message in ordered:

@@ -123,7 +123,7 @@ def enumerated(
 def in_order(variables: Iterable[Variable]) -> tuple[Variable, ...]:
     """Variables as a slave numbers them: parameters, inputs, outputs."""
     order = list(Causality)
-    return tuple(sorted(variables, key=lambda one: order.index(one.causality)))
+    return tuple(sorted(variables, key=lambda variable: order.index(variable.causality)))
 
 
 def with_integers(variables: Iterable[Variable]) -> tuple[Variable, ...]:
@@ -132,15 +132,15 @@ def with_integers(variables: Iterable[Variable]) -> tuple[Variable, ...]:
     For masters that pass over variables of enumerations.
     """
     return tuple(
-        one
-        if one.enumeration is None
+        variable
+        if variable.enumeration is None
         else replace(
-            one,
+            variable,
             type=VariableType.INTEGER,
             enumeration=None,
-            description=f"{one.description}: {one.enumeration.legend}",
+            description=f"{variable.description}: {variable.enumeration.legend}",
         )
-        for one in variables
+        for variable in variables
     )
 
 

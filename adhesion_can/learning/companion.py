@@ -259,5 +259,5 @@ def _close(pipe: IO[bytes]) -> None:
 
 def _environment(given: Mapping[str, str]) -> dict[str, str]:
     """Environment of the child: one thread, so that it takes one core at most."""
-    one = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-    return {**given, **dict.fromkeys(one, "1")}
+    thread_limits = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    return {**given, **dict.fromkeys(thread_limits, "1")}

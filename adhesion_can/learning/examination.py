@@ -53,10 +53,12 @@ def examine(readings: Readings, configuration: Configuration) -> Diagnosis:
 
 def halves(readings: Readings) -> tuple[Readings, Readings]:
     """Readings before the middle of their time, and the others; both empty where there are none."""
-    stamps = [own for own, _ in readings.values() if len(own)]
+    stamps = [times for times, _ in readings.values() if len(times)]
     if not stamps:
         return {}, {}
-    middle_us = (min(int(own[0]) for own in stamps) + max(int(own[-1]) for own in stamps)) // 2
+    middle_us = (
+        min(int(times[0]) for times in stamps) + max(int(times[-1]) for times in stamps)
+    ) // 2
     first, second = {}, {}
     for key, (t_us, value) in readings.items():
         place = int(np.searchsorted(t_us, middle_us))

@@ -91,7 +91,7 @@ def find_confirmed(
             continue
         if not set(in_use).issuperset(model.names):
             known.append((until_us, _from_file(path, model)))
-    return max(known, key=lambda one: one[0])[1] if known else None
+    return max(known, key=lambda dated_model: dated_model[0])[1] if known else None
 
 
 def _checked_until_us(path: Path, model: ExtendedModel, vehicle: str) -> float | None:

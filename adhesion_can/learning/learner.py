@@ -175,16 +175,18 @@ class Learner:
                 begin_us = max(begin_us, doubt_us)
             readings = self._record.between(begin_us, end_us + 1)
         try:
-            found = self._propose(readings, begin_us, end_us)
+            proposal = self._propose(readings, begin_us, end_us)
         except InputError as error:
-            found = f"not diagnosed: {error}"
+            proposal = f"not diagnosed: {error}"
         report = replace(self._report, t_us=end_us, examined=self._report.examined + 1, news="")
-        if isinstance(found, str):
-            self._send(replace(report, outcome=found))
+        if isinstance(proposal, str):
+            self._send(replace(report, outcome=proposal))
             return
         length_s = (end_us - begin_us) / 1e6
         self._begin_to_confirm(
-            found, report, f"{found.found} (from {length_s:.0f} s of readings); now being confirmed"
+            proposal,
+            report,
+            f"{proposal.found} (from {length_s:.0f} s of readings); now being confirmed",
         )
 
     def _begin_to_confirm(self, learned: LearnedModel, report: LearningReport, news: str) -> None:

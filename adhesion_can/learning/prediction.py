@@ -88,13 +88,13 @@ def predict_spans(
     scale = prepared.regression.scale
     before = scale * evaluate_model(data, prepared.plain.model.curves).residual
     after = scale * evaluate_model(data, extended.curves, effects).residual
-    found = []
+    predicted = []
     for place in range(spans):
-        own = (number == place) & np.isfinite(before) & np.isfinite(after)
-        if own.sum() < LEAST_ROWS:
+        rows = (number == place) & np.isfinite(before) & np.isfinite(after)
+        if rows.sum() < LEAST_ROWS:
             continue
-        if np.sqrt(np.mean((before[own] - after[own]) ** 2)) < LEAST_DIFFERENCE:
+        if np.sqrt(np.mean((before[rows] - after[rows]) ** 2)) < LEAST_DIFFERENCE:
             continue
-        errors = (float(np.mean(one[own] ** 2)) for one in (before, after))
-        found.append(PredictedSpan(from_us + (place + 1) * span_us, *errors))
-    return found
+        errors = (float(np.mean(residual[rows] ** 2)) for residual in (before, after))
+        predicted.append(PredictedSpan(from_us + (place + 1) * span_us, *errors))
+    return predicted

@@ -104,10 +104,10 @@ def find_disagreement(whole: Diagnosis, halves: Sequence[Diagnosis]) -> str:
             return f"the {place} half names {other}, not {whole.causes[0].effect}"
     for cause in whole.causes:
         pair = [_find(half, cause) for half in halves]
-        found = [one for one in pair if one is not None]
-        if len(found) < len(pair):
+        named = [half_cause for half_cause in pair if half_cause is not None]
+        if len(named) < len(pair):
             return f"only one half names {cause.effect}"
-        reason = _compare_sizes(cause, *found)
+        reason = _compare_sizes(cause, *named)
         if reason:
             return reason
     return ""
@@ -119,7 +119,7 @@ def _key(cause: Cause) -> tuple[str, str]:
 
 def _find(half: Diagnosis, cause: Cause) -> Cause | None:
     """The same cause in a half's diagnosis; None where it does not name it."""
-    return next((one for one in half.causes if _key(one) == _key(cause)), None)
+    return next((named for named in half.causes if _key(named) == _key(cause)), None)
 
 
 def _compare_sizes(cause: Cause, first: Cause, second: Cause) -> str:

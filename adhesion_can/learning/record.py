@@ -22,9 +22,9 @@ def join_readings(parts: Iterable[Readings]) -> Readings:
     columns: dict[Signal, tuple[list[NDArray[np.int64]], list[Array]]] = {}
     for part in parts:
         for key, (stamps, values) in part.items():
-            own = columns.setdefault(key, ([], []))
-            own[0].append(stamps)
-            own[1].append(values)
+            column = columns.setdefault(key, ([], []))
+            column[0].append(stamps)
+            column[1].append(values)
     return {key: (np.concatenate(s), np.concatenate(v)) for key, (s, v) in columns.items()}
 
 
@@ -147,13 +147,13 @@ class ReadingRecord:
 
     def between(self, from_us: int, to_us: int) -> Readings:
         """Copies of the readings stamped from one time on and before another, µs."""
-        found = {}
+        readings = {}
         for key, column in self._columns.items():
             stamps = column.t_us
             rows = slice(*np.searchsorted(stamps, (from_us, to_us)).tolist())
             if rows.start < rows.stop:
-                found[key] = stamps[rows].copy(), column.value[rows].copy()
-        return found
+                readings[key] = stamps[rows].copy(), column.value[rows].copy()
+        return readings
 
     def whole(self) -> Readings:
         """Copies of all readings."""

@@ -13,10 +13,10 @@ def describe_causes(causes: Iterable[Cause]) -> str:
 
 def describe_cause(cause: Cause) -> str:
     """A cause with its size, a clause."""
-    own = _OWN_WORDS.get((cause.effect, cause.form))
-    if own is None or any(value.at_bound for value in cause.parameters):
+    own_words = _OWN_WORDS.get((cause.effect, cause.form))
+    if own_words is None or any(value.at_bound for value in cause.parameters):
         return f"{cause.title} ({sizes(cause.parameters)})"
-    return own({value.name: value for value in cause.parameters})
+    return own_words({value.name: value for value in cause.parameters})
 
 
 _Values = Mapping[str, ParameterValue]

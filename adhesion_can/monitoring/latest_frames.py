@@ -73,8 +73,8 @@ class MessageLayout:
         if not self._selectors:
             return ()
         little, big = self._words(frame)
-        found = (self.plan.signals[name] for name in self._selectors)
-        return tuple(plan.raw(big if plan.big_endian else little) for plan in found)
+        plans = (self.plan.signals[name] for name in self._selectors)
+        return tuple(plan.raw(big if plan.big_endian else little) for plan in plans)
 
     def signals(self, frames: Iterable[Frame], t_us: int) -> tuple[SignalView, ...]:
         """Signals of the latest frames at a time, in the order of the database.

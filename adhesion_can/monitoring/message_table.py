@@ -161,11 +161,11 @@ class MessageTable:
     def views(self, t_us: int) -> tuple[MessageView, ...]:
         """All messages at a time, µs: inputs, outputs, then others that came, by their ids."""
         rows = self._rows()
-        found = [self._view(index, row, t_us) for index, row in enumerate(rows)]
-        known = [view for view in found if view.kind is not MessageRole.OTHER]
+        views = [self._view(index, row, t_us) for index, row in enumerate(rows)]
+        known = [view for view in views if view.kind is not MessageRole.OTHER]
         others = [
             view
-            for view in found
+            for view in views
             if view.kind is MessageRole.OTHER and view.state is not MessageState.NEVER
         ]
         others.sort(key=lambda view: (view.is_extended, view.frame_id))
@@ -194,10 +194,17 @@ class MessageTable:
             place = _place(message.plan, MessageRole.INPUT, message.cycle_us)
             counts = (record.accepted, record.rejected, record.lost, record.last_us)
             rows.append(_Row(place, *counts))
-        for one in self._watched:
-            place = _place(one.message.plan, one.kind, one.message.cycle_us or None)
-            rows.append(_Row(place, one.accepted, one.rejected, one.message.lost, one.last_us))
-        rows += [_Row(one.place, one.accepted, {}, 0, one.last_us) for one in self._others.values()]
+        for watched in self._watched:
+            place = _place(watched.message.plan, watched.kind, watched.message.cycle_us or None)
+            rows.append(
+                _Row(
+                    place, watched.accepted, watched.rejected, watched.message.lost, watched.last_us
+                )
+            )
+        rows += [
+            _Row(other.place, other.accepted, {}, 0, other.last_us)
+            for other in self._others.values()
+        ]
         return rows
 
     def _view(self, index: int, row: _Row, t_us: int) -> MessageView:

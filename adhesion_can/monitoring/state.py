@@ -68,14 +68,14 @@ class MonitorState:
             (r.message.plan.frame_id, r.message.plan.is_extended) for r in self._receiver.records
         }
         self._by_id = {
-            (one.message.plan.frame_id, one.message.plan.is_extended): one
-            for one in self._watched.values()
+            (watched.message.plan.frame_id, watched.message.plan.is_extended): watched
+            for watched in self._watched.values()
         }
-        self._by_id = {key: one for key, one in self._by_id.items() if key not in inputs}
+        self._by_id = {key: watched for key, watched in self._by_id.items() if key not in inputs}
         self._frames = FrameKeeper(_known_messages(configuration), configuration.choices)
         self._missing = tuple(configuration.missing_for_service())
         choices = configuration.choices
-        self._axles = sorted({one.axle for one in choices if one.role is Role.WHEEL_SPEED})
+        self._axles = sorted({choice.axle for choice in choices if choice.role is Role.WHEEL_SPEED})
         self._former = configuration.make_former()
         self._first_us: int | None = None
         self._now_us = 0
@@ -151,15 +151,17 @@ class MonitorState:
 
     def _take_other(self, frame: Frame) -> Rejection | None:
         """Take a frame that is no input; the reason to reject it, where it is checked."""
-        one = self._by_id.get((frame.arbitration_id, frame.is_extended)) if frame.is_data else None
-        if one is None:
+        watched = (
+            self._by_id.get((frame.arbitration_id, frame.is_extended)) if frame.is_data else None
+        )
+        if watched is None:
             self._table.count_other(frame)
             return None
-        values = one.read(frame)
+        values = watched.read(frame)
         if isinstance(values, Rejection):
             return values
-        if one.kind is MessageRole.OUTPUT:
-            self._outputs.add(one.message.plan.name, values, frame.t_us)
+        if watched.kind is MessageRole.OUTPUT:
+            self._outputs.add(watched.message.plan.name, values, frame.t_us)
         return None
 
     def _collect(self, t_us: int) -> None:
@@ -214,7 +216,7 @@ class MonitorState:
 
 def _watched_messages(configuration: Configuration) -> dict[str, WatchedMessage]:
     """The service's messages and those of a bench's creep controller, by their names."""
-    found: dict[str, WatchedMessage] = {}
+    messages: dict[str, WatchedMessage] = {}
     for names, kind in (
         (OUTPUT_MESSAGES, MessageRole.OUTPUT),
         (DEMAND_MESSAGES, MessageRole.OTHER),
@@ -223,8 +225,8 @@ def _watched_messages(configuration: Configuration) -> dict[str, WatchedMessage]
         for name in names:
             message = CheckedMessage(source.message(name))
             if kind is MessageRole.OUTPUT or not _is_taken(message, name, configuration.database):
-                found[name] = WatchedMessage(message, kind)
-    return found
+                messages[name] = WatchedMessage(message, kind)
+    return messages
 
 
 def _known_messages(configuration: Configuration) -> Iterator[Message]:

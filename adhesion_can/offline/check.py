@@ -105,8 +105,8 @@ class CheckResult:
             "limits": self.limits,
             "findings": self.findings,
             "warnings": self.warnings,
-            "objections": [one.to_dict() for one in self.objections],
-            "noise": {one.key: one.to_dict() for one in self.noise},
+            "objections": [objection.to_dict() for objection in self.objections],
+            "noise": {noise.key: noise.to_dict() for noise in self.noise},
             "frames": self.frames,
             "frames_unknown": self.unknown,
             "frames_backwards": self.clamped,
@@ -160,8 +160,8 @@ def check(blocks: Iterable[Block], configuration: Configuration) -> CheckResult:
         configuration: Messages, roles and settings; a missing role becomes one of the limits.
 
     """
-    found = scan(blocks, configuration, NOISY_ROLES, DriveSignals())
-    return check_scan(found, configuration)
+    contents = scan(blocks, configuration, NOISY_ROLES, DriveSignals())
+    return check_scan(contents, configuration)
 
 
 def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
@@ -212,8 +212,8 @@ def check_scan(contents: Scan, configuration: Configuration) -> CheckResult:
     _check_loads(result, configuration)
     _check_vehicle(result, configuration)
     _check_excitation(result, configuration)
-    result.warnings.extend(one.warning for one in result.noise if one.warning)
-    result.warnings.extend(one.sentence(times) for one in watched)
+    result.warnings.extend(noise.warning for noise in result.noise if noise.warning)
+    result.warnings.extend(objection.sentence(times) for objection in watched)
     return result
 
 
@@ -311,8 +311,8 @@ def _check_vehicle(result: CheckResult, configuration: Configuration) -> None:
     )
     kept = [
         f"{key} = {value:g}"
-        for key, value, own in places
-        if set(own) == {value} and key not in configuration.vehicle_keys
+        for key, value, configured in places
+        if set(configured) == {value} and key not in configuration.vehicle_keys
     ]
     if kept:
         result.warnings.append(
@@ -332,7 +332,7 @@ def _check_axles(result: CheckResult, configuration: Configuration) -> None:
     """Whether slip and adhesion of every axle come out plausible."""
     result.failures.extend("; ".join(pair) for pair in configuration.shared_signals())
     records = result.receiver.records
-    cycles = {one.message.plan.name: ms for one in records if (ms := mean_cycle_ms(one))}
+    cycles = {record.message.plan.name: ms for record in records if (ms := mean_cycle_ms(record))}
     result.warnings.extend(unknown_cycles(configuration, cycles))
     by_axle = (Role.WHEEL_SPEED, Role.TRACTIVE_EFFORT)
     mapped = {role: {c.axle for c in configuration.choices if c.role is role} for role in by_axle}

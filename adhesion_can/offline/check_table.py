@@ -137,13 +137,13 @@ def _columns(table: SampleTable) -> list[ColumnRange]:
     without = {"normal_load_N": ones, "speed_mps": ones, "axle": 0.0 * ones}
     if not table.timed:
         without["time_s"] = samples.t_us / 1e6
-    found = [
+    ranges = [
         _range(name, meaning, values)
         for name, (meaning, values) in known.items()
         if name not in without or not np.array_equal(values, without[name])
     ]
     covariates = samples.covariates.items()
-    return found + [_range(name, "candidate cause", values) for name, values in covariates]
+    return ranges + [_range(name, "candidate cause", values) for name, values in covariates]
 
 
 def _range(name: str, meaning: str, values: Array) -> ColumnRange:

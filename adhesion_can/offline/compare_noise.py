@@ -42,17 +42,17 @@ class ComparedNoise:
     @property
     def warning(self) -> str:
         """Sentence that names the key to write; '' where both agree, or nothing is known."""
-        found = self.estimate
-        if found.std is None:
+        noise = self.estimate
+        if noise.std is None:
             return ""
         # Where the step of a signal hides its noise, the estimate is a bound.
-        if found.reason and found.std <= TOLERANCE * self.configured:
+        if noise.reason and noise.std <= TOLERANCE * self.configured:
             return ""
-        if self.configured / TOLERANCE <= found.std <= TOLERANCE * self.configured:
+        if self.configured / TOLERANCE <= noise.std <= TOLERANCE * self.configured:
             return ""
         return (
-            f"{self.name}: noise of {found.std:.3g} {self.unit}, configured "
-            f"{self.configured:.3g} {self.unit}: write {self.key} = {found.std:.2g} under [sensors]"
+            f"{self.name}: noise of {noise.std:.3g} {self.unit}, configured "
+            f"{self.configured:.3g} {self.unit}: write {self.key} = {noise.std:.2g} under [sensors]"
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -61,7 +61,7 @@ class ComparedNoise:
             **self.estimate.to_dict(),
             "unit": self.unit,
             "configured": self.configured,
-            "by_axle": {str(axle): one.std for axle, one in self.by_axle.items()},
+            "by_axle": {str(axle): noise.std for axle, noise in self.by_axle.items()},
         }
 
 
@@ -74,18 +74,18 @@ def compare_noise(traces: LoadedTraces, config: Configuration) -> tuple[Compared
 
     """
     given, sensors = {role for role, _ in traces.columns}, config.sensors
-    found = estimate_noise(traces.traces(), resolutions_by_role(config.messages))
+    estimated = estimate_noise(traces.traces(), resolutions_by_role(config.messages))
     compared = []
     if Role.WHEEL_SPEED in given:
-        std, by_axle = sensors.wheel_speed_std, found.wheel_speed_by_axle
+        std, by_axle = sensors.wheel_speed_std, estimated.wheel_speed_by_axle
         names = ("wheel_speed_std", "wheel speed", "rad/s")
-        compared.append(ComparedNoise(*names, found.wheel_speed, std, by_axle))
+        compared.append(ComparedNoise(*names, estimated.wheel_speed, std, by_axle))
     if Role.VEHICLE_SPEED in given:
         names = ("vehicle_speed_std", "vehicle speed", "m/s")
-        compared.append(ComparedNoise(*names, found.vehicle_speed, sensors.vehicle_speed_std))
+        compared.append(ComparedNoise(*names, estimated.vehicle_speed, sensors.vehicle_speed_std))
     if Role.TRACTIVE_EFFORT in given:
         names = ("effort_std", "effort", "N")
         compared.append(
-            ComparedNoise(*names, found.effort, sensors.effort_std, found.effort_by_axle)
+            ComparedNoise(*names, estimated.effort, sensors.effort_std, estimated.effort_by_axle)
         )
     return tuple(compared)

@@ -213,12 +213,12 @@ def inspect_derived_force(
         adhesion: Adhesion coefficients, shape (n,).
 
     """
-    found = find_derived_force(t_us, speed, adhesion)
-    if found is not None:
+    derived = find_derived_force(t_us, speed, adhesion)
+    if derived is not None:
         yield Finding(
             "the force is computed from the speed: the rate of change of the speed explains "
-            f"{100 * found.explained:.0f} % of the force, and their noise correlates by "
-            f"{found.shared:.2f}",
+            f"{100 * derived.explained:.0f} % of the force, and their noise correlates by "
+            f"{derived.shared:.2f}",
             "such data show no delay between force and speed; use a measured force",
             fatal=False,
         )

@@ -191,13 +191,13 @@ def _smooth(rows: _Rows) -> Array:
     """Centred moving average of the slip over ±SMOOTH_US, axle by axle; shape (n,)."""
     out = rows.slip.copy()
     for number in np.unique(rows.axle):
-        own = np.flatnonzero(rows.axle == number)
-        at, place = rows.since_us[own], np.arange(len(own))
+        axle_rows = np.flatnonzero(rows.axle == number)
+        at, place = rows.since_us[axle_rows], np.arange(len(axle_rows))
         before = place - np.searchsorted(at, at - SMOOTH_US, side="left")
         after = np.searchsorted(at, at + SMOOTH_US, side="right") - 1 - place
         reach = np.minimum(before, after)
-        sums = np.concatenate([[0.0], np.cumsum(rows.slip[own])])
-        out[own] = (sums[place + reach + 1] - sums[place - reach]) / (2 * reach + 1)
+        sums = np.concatenate([[0.0], np.cumsum(rows.slip[axle_rows])])
+        out[axle_rows] = (sums[place + reach + 1] - sums[place - reach]) / (2 * reach + 1)
     return out
 
 
@@ -233,11 +233,13 @@ def _find_surface_changes(rows: _Rows) -> list[int]:
     def relative_error(place: int) -> float:
         """Mean square error of one curve for both in the shorter segment, relative to adhesion²."""
         first, middle, last = bounds[place : place + 3]
-        error = (both[place] - own[place] - own[place + 1]) / min(middle - first, last - middle)
+        error = (both[place] - per_segment[place] - per_segment[place + 1]) / min(
+            middle - first, last - middle
+        )
         return float(error / max((level[last] - level[first]) / (last - first), 1e-300))
 
     bounds = [0, *edges, len(rows.slip)]
-    own = [sum_of_squares(a, b) for a, b in pairwise(bounds)]
+    per_segment = [sum_of_squares(a, b) for a, b in pairwise(bounds)]
     both = [sum_of_squares(a, c) for a, c in zip(bounds[:-2], bounds[2:], strict=True)]
     while both:
         errors = [relative_error(place) for place in range(len(both))]
@@ -245,7 +247,7 @@ def _find_surface_changes(rows: _Rows) -> list[int]:
         if errors[least] >= SURFACES_DIFFER**2:
             break
         del bounds[least + 1]
-        own[least : least + 2] = [both.pop(least)]
+        per_segment[least : least + 2] = [both.pop(least)]
         for place in (least - 1, least):
             if 0 <= place < len(both):
                 both[place] = sum_of_squares(bounds[place], bounds[place + 2])

@@ -45,7 +45,7 @@ def propose_instruments(
     )
 
     estimators, vehicle = configuration.estimators, configuration.vehicle
-    found = estimate_shared_errors(
+    errors = estimate_shared_errors(
         samples,
         first.theta,
         vehicle.axles,
@@ -53,11 +53,11 @@ def propose_instruments(
         changes_us=[segment.from_us for segment in fitted.segments[1:]],
         noise=estimators.noise,
     )
-    if found is None:
+    if errors is None:
         return
     load = sum(vehicle.axle_load) / vehicle.axles
     stated, usual = estimators.instruments.on_load(load), InstrumentUncertainty()
-    speed, effort = found
+    speed, effort = errors
     proposals = {
         "speed_error_std": _propose(speed, stated.speed_error_std, usual.speed_error_std),
         "effort_bias_std": _propose(effort, stated.used_bias_std, EFFORT_BIAS_SHARE * load),

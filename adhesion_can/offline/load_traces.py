@@ -102,14 +102,14 @@ def load_traces(
     receiver, loaded, frames, now_us = Receiver(config.messages), LoadedTraces(), 0, 0
     seen = SeenIds()
     for block in in_seconds(blocks, config.messages, where):
-        own = block.select(block.kind <= Kind.ERROR)
-        if not len(own):
+        frame_block = block.select(block.kind <= Kind.ERROR)
+        if not len(frame_block):
             continue
-        seen.add(own)
-        t_us, moved = clamped(own.t_us, now_us)
+        seen.add(frame_block)
+        t_us, moved = clamped(frame_block.t_us, now_us)
         loaded.backwards += int(moved.sum())
-        frames, now_us = frames + len(own), int(t_us[-1])
-        loaded.add(receiver.accept_block(own, t_us).readings)
+        frames, now_us = frames + len(frame_block), int(t_us[-1])
+        loaded.add(receiver.accept_block(frame_block, t_us).readings)
     loaded.rejected = receiver.rejected
     loaded.stuck = receiver.stuck_sentences
     require_fit(receiver, frames, seen, config, where, needed=needed, partly=partly)

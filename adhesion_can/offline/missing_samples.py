@@ -83,9 +83,9 @@ def _silent(configuration: Configuration) -> list[str]:
     """Messages without a cycle, of needed roles that have none from another message."""
     by_role = cycles_by_role(configuration.messages)
     return [
-        one.plan.name
-        for one in configuration.messages
-        if any(not by_role[role] for role in one.roles & REQUIRED)
+        message.plan.name
+        for message in configuration.messages
+        if any(not by_role[role] for role in message.roles & REQUIRED)
     ]
 
 
@@ -100,8 +100,8 @@ def explain_axle(
         configuration: Configuration of the pass.
 
     """
-    own = {name: seen for name, seen in signals.items() if name.endswith(f".{axle}")}
-    why = "; ".join(_standing(own, configuration))
+    axle_signals = {name: seen for name, seen in signals.items() if name.endswith(f".{axle}")}
+    why = "; ".join(_standing(axle_signals, configuration))
     return f"axle {axle}: no sample could be formed{f': {why}' if why else ''}"
 
 
@@ -116,13 +116,15 @@ def _standing(signals: Mapping[str, SignalRange], configuration: Configuration) 
         if choice.role in STANDING and seen is not None and _stands(seen):
             names.setdefault((choice.role, seen.lowest), []).append(choice.name)
     if (Role.VEHICLE_SPEED, 0.0) in names:
-        names = {key: own for key, own in names.items() if key[0] is Role.VEHICLE_SPEED}
+        names = {
+            key: role_names for key, role_names in names.items() if key[0] is Role.VEHICLE_SPEED
+        }
     sentences = []
-    for (role, value), own in names.items():
-        verb = "reads" if len(own) == 1 else "read"
+    for (role, value), role_names in names.items():
+        verb = "reads" if len(role_names) == 1 else "read"
         meaning = "the sensor is stuck, or it is another signal" if value else STANDING[role]
         sentences.append(
-            f"{', '.join(_place(configuration, name) for name in own)} {verb} {value:.4g} "
+            f"{', '.join(_place(configuration, name) for name in role_names)} {verb} {value:.4g} "
             f"{ROLE_UNITS[role]} throughout: {meaning}; map one that changes"
         )
     return sentences
@@ -135,5 +137,5 @@ def _stands(seen: SignalRange) -> bool:
 
 def _place(configuration: Configuration, name: str) -> str:
     """A role with its signal."""
-    choice = next(one for one in configuration.choices if one.name == name)
+    choice = next(candidate for candidate in configuration.choices if candidate.name == name)
     return f"{name} ({choice.message}.{choice.signal})"

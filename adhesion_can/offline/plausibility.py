@@ -59,14 +59,17 @@ def inspect_points(points: MeasuredPoints) -> list[Finding]:
     standing = list(_standing(points))
     if standing:
         points = points.select(~stands_still(points.slip))
-    return [one._replace(what=prefix + one.what) for one in (*standing, *_inspect_moving(points))]
+    return [
+        finding._replace(what=prefix + finding.what)
+        for finding in (*standing, *_inspect_moving(points))
+    ]
 
 
 def _inspect_moving(points: MeasuredPoints) -> list[Finding]:
     """What is odd about rows in which the wheel turns."""
     if len(points.slip) < LEAST_ROWS:
         return []
-    found = [
+    findings = [
         *_slip_size(points),
         *_adhesion_size(points),
         *inspect_signs(points),
@@ -77,9 +80,9 @@ def _inspect_moving(points: MeasuredPoints) -> list[Finding]:
         *_stamps(points),
         *_stuck(points),
     ]
-    if not any(one.fatal for one in found):
-        found += _motion(points)
-    return found
+    if not any(finding.fatal for finding in findings):
+        findings += _motion(points)
+    return findings
 
 
 def inspect_samples(
@@ -97,7 +100,9 @@ def inspect_samples(
     axles = np.unique(samples.axle)
     if not table:
         of_axles = [
-            one for k in axles for one in inspect_points(_points_of(samples, int(k), vehicle))
+            finding
+            for k in axles
+            for finding in inspect_points(_points_of(samples, int(k), vehicle))
         ]
         return [*inspect_rim_speeds(slips_of_samples(samples)), *of_axles]
     return inspect_points(
@@ -113,13 +118,13 @@ def inspect_samples(
 
 def _points_of(samples: Samples, axle: int, vehicle: Locomotive | None) -> MeasuredPoints:
     """Rows of one axle of a recording."""
-    own = samples.select(samples.axle == axle)
+    rows = samples.select(samples.axle == axle)
     points = MeasuredPoints(
-        own.slip, own.adhesion, own.t_us, own.speed, own.load, table=False, name=f"axle {axle}"
+        rows.slip, rows.adhesion, rows.t_us, rows.speed, rows.load, table=False, name=f"axle {axle}"
     )
     if vehicle is None:
         return points
-    inertial = inertial_adhesion(own, vehicle)
+    inertial = inertial_adhesion(rows, vehicle)
     return replace(points, inertial=inertial, inertia=vehicle.wheelset_inertia)
 
 
@@ -296,7 +301,7 @@ def _motion(points: MeasuredPoints) -> Iterator[Finding]:
         derived = list(inspect_derived_force(points.t_us, points.speed, points.adhesion))
     # A force that comes from the speed shows no delay that could be put right.
     delays = inspect_delay(points.t_us, points.slip, points.adhesion)
-    yield from (one for one in delays if one.fatal or not derived)
+    yield from (finding for finding in delays if finding.fatal or not derived)
     yield from derived
     if points.speed is not None and float(np.median(points.speed)) <= FAST:
         yield from inspect_acceleration(points.t_us, points.speed, points.adhesion)

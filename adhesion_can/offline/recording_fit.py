@@ -131,9 +131,9 @@ def require_fit(
 
     """
     require_accepted(receiver, frames, seen, configuration, where)
-    found = find_misfit(receiver, seen, configuration, samples=samples, needed=needed)
-    if found is not None and not (partly and not found.of_other_bus):
-        raise RecordingError(where, found.what, found.fix)
+    misfit = find_misfit(receiver, seen, configuration, samples=samples, needed=needed)
+    if misfit is not None and not (partly and not misfit.of_other_bus):
+        raise RecordingError(where, misfit.what, misfit.fix)
 
 
 def require_accepted(
@@ -143,9 +143,9 @@ def require_accepted(
     if any(record.accepted for record in receiver.records):
         return
     _require_frames(receiver, frames, where)
-    found = find_misfit(receiver, seen, configuration, samples=0)
-    if found is not None:
-        raise RecordingError(where, found.what, found.fix)
+    misfit = find_misfit(receiver, seen, configuration, samples=0)
+    if misfit is not None:
+        raise RecordingError(where, misfit.what, misfit.fix)
     names = _listed([_name(record) for record in receiver.records])
     raise RecordingError(
         where,

@@ -51,8 +51,10 @@ def inspect_rim_speeds(slips: Mapping[int, Array]) -> list[Finding]:
         if known is not None:
             axles.setdefault(known, []).append(axle)
     return [
-        Finding(f"{_name(own)}: the rim speed is {ratio:.3g} times the vehicle speed", FIXES[ratio])
-        for ratio, own in axles.items()
+        Finding(
+            f"{_name(numbers)}: the rim speed is {ratio:.3g} times the vehicle speed", FIXES[ratio]
+        )
+        for ratio, numbers in axles.items()
     ]
 
 
@@ -91,7 +93,7 @@ def slips_of_traces(
 
     """
     speed = traces.get((Role.VEHICLE_SPEED, 0))
-    found = {}
+    slips = {}
     for axle in range(1, vehicle.axles + 1):
         wheel = traces.get((Role.WHEEL_SPEED, axle))
         if speed is None or wheel is None:
@@ -99,8 +101,8 @@ def slips_of_traces(
         v = speed.at(wheel.t_us, inf)
         known = np.isfinite(wheel.value) & (v >= v_min)
         radius = vehicle.wheel_radius[axle - 1]
-        found[axle] = slip_ratio(wheel.value[known], v[known], radius, v_min)
-    return found
+        slips[axle] = slip_ratio(wheel.value[known], v[known], radius, v_min)
+    return slips
 
 
 def _name(axles: Iterable[int]) -> str:

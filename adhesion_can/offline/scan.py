@@ -88,8 +88,8 @@ def scan(
 
     """
     signals = {
-        one.name: SignalRange(unit=configuration.signal_unit(one.role, one.axle))
-        for one in configuration.choices
+        choice.name: SignalRange(unit=configuration.signal_unit(choice.role, choice.axle))
+        for choice in configuration.choices
     }
     traces, faults = LoadedTraces(), FaultHistory()
 

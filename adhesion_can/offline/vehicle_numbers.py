@@ -24,8 +24,8 @@ def inspect_numbers(vehicle: Locomotive) -> list[str]:
     sentences = []
     for key, values in numbers.items():
         # An inertia of 0 means that it is neglected.
-        found = (find_unlikely(key, value) for value in values if value)
-        first = next((one for one in found if one is not None), None)
+        judged = (find_unlikely(key, value) for value in values if value)
+        first = next((unlikely for unlikely in judged if unlikely is not None), None)
         if first is not None:
             sentences.append(f"{key} in [vehicle]: {first.what}; write {first.fix}")
     return sentences or _light_train(vehicle)

@@ -159,6 +159,6 @@ class Estimate(Value):
         return html_table(title, ("quantity", "estimate"), rows)
 
 
-def has_peak(found: Estimate | PeakEstimate) -> bool:
+def has_peak(estimate: Estimate | PeakEstimate) -> bool:
     """Whether a curve has a peak: a flat one, as where all efforts read 0, has none."""
-    return found.mu_max > 0.0 and found.lambda_m > 0.0
+    return estimate.mu_max > 0.0 and estimate.lambda_m > 0.0

@@ -170,10 +170,10 @@ class LoadShift:
         if situation.vehicle is None or situation.efforts is None:
             return ReadingError(absolute=np.full(len(situation.axle), np.nan))
         shares = self.shares(situation.vehicle)
-        own = situation.axle.astype(np.int64) - 1
-        moved = np.zeros(len(own))
+        axle_index = situation.axle.astype(np.int64) - 1
+        moved = np.zeros(len(axle_index))
         for column in range(shares.shape[1]):
-            moved += shares[own, column] * situation.efforts[:, column]
+            moved += shares[axle_index, column] * situation.efforts[:, column]
         return ReadingError(absolute=-(moved * situation.travel))
 
     def shares(self, vehicle: Locomotive) -> Array:
@@ -193,10 +193,10 @@ def total_error(
     rate: Array | float = 0.0
     for law in laws:
         if law.quantity is quantity:
-            one = law.error(situation, lags)
-            rate = rate * (1.0 + one.relative) + gain * one.relative_rate
-            gain = gain * (1.0 + one.relative)
-            absolute = absolute + one.absolute
+            error = law.error(situation, lags)
+            rate = rate * (1.0 + error.relative) + gain * error.relative_rate
+            gain = gain * (1.0 + error.relative)
+            absolute = absolute + error.absolute
     return ReadingError(np.maximum(gain, LEAST_SENSOR_GAIN) - 1.0, absolute, rate)
 
 

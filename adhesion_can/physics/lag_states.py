@@ -175,14 +175,14 @@ class RememberedLagStates(LagStates):
         """Response as in `follow`, from the first row on."""
         rate = np.asarray(asked.rate, dtype=np.float64)
         key = (asked.name, asked.start, asked.target.tobytes(), rate.tobytes())
-        found = self._known.get(key)
-        if found is None:
-            found = LagStates(self._pause_s).follow(*asked)
-            found.flags.writeable = False
-            self._known[key] = found
+        response = self._known.get(key)
+        if response is None:
+            response = LagStates(self._pause_s).follow(*asked)
+            response.flags.writeable = False
+            self._known[key] = response
             if len(self._known) > REMEMBERED:
                 self._known.popitem(last=False)
-        return found
+        return response
 
 
 def _steps(values: Array, before: float) -> Array:

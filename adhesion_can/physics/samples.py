@@ -182,7 +182,7 @@ class Samples(Value):
             return False
         pairs = [(getattr(self, name), getattr(other, name)) for name in (*_STAMPS, *_FLOATS)]
         pairs += [(column, other.covariates[name]) for name, column in self.covariates.items()]
-        return all(one.tobytes() == another.tobytes() for one, another in pairs)
+        return all(column.tobytes() == another.tobytes() for column, another in pairs)
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> "Samples":
         """The samples that a mask, index array or slice names."""

@@ -75,15 +75,15 @@ class Geometry:
         bogies = [force[..., a:b].sum(axis=-1, keepdims=True) for a, b in pairwise(bounds)]
         whole = np.sum(bogies, axis=0) * self.coupler_height
         single = len(bogies) == 1
-        own = [
+        moments = [
             (whole if single else pull * self.traction_height) if axles > 1 else 0.0 * pull
             for pull, axles in zip(bogies, self.axles_per_bogie, strict=True)
         ]
-        body = whole - np.sum(own, axis=0)
+        body = whole - np.sum(moments, axis=0)
         places = self.pivot_distance * _centred(len(bogies))
         reach = max(float(places @ places), 1e-12)
         parts = []
-        for place, moment, axles in zip(places, own, self.axles_per_bogie, strict=True):
+        for place, moment, axles in zip(places, moments, self.axles_per_bogie, strict=True):
             ahead = self.axle_spacing * _centred(axles)
             lean = ahead / max(float(ahead @ ahead), 1e-12)
             parts.append(-moment * lean - body * (place / reach / axles))
@@ -173,5 +173,5 @@ _BOGIES: dict[int, tuple[int, ...]] = {4: (2, 2), 6: (3, 3), 8: (2, 2, 2, 2), 12
 
 @lru_cache(maxsize=32)
 def _transfer_shares(geometry: Geometry, traction: float) -> Array:
-    own = replace(geometry, traction_height=traction * geometry.traction_height)
-    return np.ascontiguousarray(own.load_transfer(np.eye(sum(own.axles_per_bogie))).T)
+    scaled = replace(geometry, traction_height=traction * geometry.traction_height)
+    return np.ascontiguousarray(scaled.load_transfer(np.eye(sum(scaled.axles_per_bogie))).T)

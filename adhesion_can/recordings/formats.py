@@ -101,9 +101,9 @@ def is_measurement(head: bytes) -> bool:
     return head.startswith(_MEASUREMENT)
 
 
-def is_misnamed(path: Path, found: str) -> bool:
+def is_misnamed(path: Path, file_format: str) -> bool:
     """Whether the name of a file says another format than the one that it has."""
-    return found not in (_format_by_name(path) or found, FRAME_TABLE)
+    return file_format not in (_format_by_name(path) or file_format, FRAME_TABLE)
 
 
 def _format_by_name(path: Path) -> str | None:

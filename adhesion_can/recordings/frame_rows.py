@@ -63,8 +63,8 @@ class NumberedBuses:
         numbers = rows.channel[frames] if has_marks else rows.channel
         # Most recordings have one bus, and to count takes longer than to compare.
         is_one = len(numbers) > 0 and bool((numbers == numbers[0]).all())
-        found = numbers[:1] if is_one else np.flatnonzero(np.bincount(numbers))
-        new = [number for number in found.tolist() if number not in self._places]
+        bus_numbers = numbers[:1] if is_one else np.flatnonzero(np.bincount(numbers))
+        new = [number for number in bus_numbers.tolist() if number not in self._places]
         if len(new) > 1:
             seen, first = np.unique(numbers, return_index=True)
             order = dict(zip(seen.tolist(), first.tolist(), strict=True))
@@ -73,12 +73,12 @@ class NumberedBuses:
             new = [_NO_BUS]
         self._places |= {number: len(self._places) + n for n, number in enumerate(new)}
         self._names += tuple("" if number == _NO_BUS else self._name(number) for number in new)
-        places = [self._places[number] for number in found.tolist()]
+        places = [self._places[number] for number in bus_numbers.tolist()]
         if is_one:
             channel = np.full(len(rows), places[0], np.uint16)
         else:
             table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint16)
-            table[found] = places
+            table[bus_numbers] = places
             channel = table[rows.channel]
         if has_marks:
             channel[~frames] = 0
@@ -122,21 +122,23 @@ class FrameCounter:
         self._last_us = last_us
 
 
-def join_blocks(found: Iterator[tuple[Block, int]], most: int) -> Iterator[tuple[Block, int]]:
+def join_blocks(
+    placed_blocks: Iterator[tuple[Block, int]], most: int
+) -> Iterator[tuple[Block, int]]:
     """Blocks joined, each with the position of the last one in it.
 
     Args:
-        found: Blocks with their positions in the file, bytes.
+        placed_blocks: Blocks with their positions in the file, bytes.
         most: Largest number of blocks that are joined.
 
     Raises:
-        RecordingError: That of `found`; the blocks in front of it are given first.
+        RecordingError: That of `placed_blocks`; the blocks in front of it are given first.
 
     """
     waiting: list[Block] = []
     position = 0
     try:
-        for block, position in found:
+        for block, position in placed_blocks:
             waiting.append(block)
             if len(waiting) >= most:
                 yield Block.concatenate(waiting), position

@@ -38,15 +38,17 @@ def describe_problems(
         with_remarks: Whether what is not wrong is among them.
 
     """
-    found = []
+    sentences = []
     names = names or distinct_names([recording.path for recording in recordings])
     for name, recording in zip(names, recordings, strict=True):
         report = recording.report
-        found += [f"{name}: {note}" for note in report.notes]
-        found += [f"{name}: {remark}" for remark in report.remarks] if with_remarks else []
+        sentences += [f"{name}: {note}" for note in report.notes]
+        sentences += [f"{name}: {remark}" for remark in report.remarks] if with_remarks else []
         if report.backwards:
             count = counted(report.backwards, "frame")
-            found.append(f"{name}: {count} stamped earlier than the previous frame, {backwards}")
+            sentences.append(
+                f"{name}: {count} stamped earlier than the previous frame, {backwards}"
+            )
         if report.passed_over:
             kinds = ", ".join(
                 f"{report.kinds[kind]} {kind}"
@@ -55,8 +57,8 @@ def describe_problems(
             )
             lines = ", ".join(map(str, report.bad_lines[:5]))
             where = f" (line {lines}, ..)" if lines else ""  # the end of a packed file has none
-            found.append(f"{name}: lines skipped: {kinds}{where}")
-    return found
+            sentences.append(f"{name}: lines skipped: {kinds}{where}")
+    return sentences
 
 
 def describe_remarks(recordings: Sequence[Recording]) -> list[str]:

@@ -206,22 +206,22 @@ class Recording:
             collect_python_can_warnings(self.report.notes),
             self._source(self.report) as source,
         ):
-            found: Iterator[tuple[Block, int]]
+            placed_blocks: Iterator[tuple[Block, int]]
             try:
                 if self._format == ".blf":
                     plain = self.size if self._packing is Packing.NONE else None
                     blocks = read_blf(source.read, self.report, plain, min(size, _CHUNK))
-                    found = ((block, source.position) for block in blocks)
+                    placed_blocks = ((block, source.position) for block in blocks)
                 else:
                     form = {".asc": AscForm, ".trc": TrcForm}[self._format](self._first_lines())
-                    found = read_text(source.chunks(min(size, _CHUNK)), form, self.report)
+                    placed_blocks = read_text(source.chunks(min(size, _CHUNK)), form, self.report)
             except Exception as error:  # of a head; python-can's parsers raise whatever they meet
                 raise RecordingError(
                     str(self.path),
                     f"its header cannot be read ({_reason(error)})",
                     "record or export it again",
                 ) from error
-            for block, self.position in join_blocks(found, size // _CHUNK):
+            for block, self.position in join_blocks(placed_blocks, size // _CHUNK):
                 yield block
 
     def _first_lines(self) -> list[bytes]:

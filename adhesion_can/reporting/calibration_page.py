@@ -75,14 +75,14 @@ def plot_drives(
     """
     axles = [axle.axle for axle in result.axles]
     configured = np.array([axle.configured for axle in result.axles])
-    found = np.array([axle.ratio for axle in result.axles]) * configured
+    calibrated = np.array([axle.ratio for axle in result.axles]) * configured
     offset = 0.0 if result.offset is None else result.offset.value
     plots = []
     for drive, name in zip(drives, names, strict=True):
         rows = find_coasting(drive, axles, vehicle, settings)
         late = rows.speed + result.delay_used_s * rows.acceleration
         before = rows.speed[:, None] - rows.rolling * configured
-        after = late[:, None] - rows.rolling * found - offset
+        after = late[:, None] - rows.rolling * calibrated - offset
         plots.append(DrivePlot(name, drive.speed.t_us, rows.speed, rows.used, before, after))
     return plots
 

@@ -112,7 +112,7 @@ def domains(
     heights = (1.0 - space * (count - 1)) * shares / shares.sum()
     tops = 1.0 - np.concatenate([[0.0], np.cumsum(heights + space)[:-1]])
     pairs = zip(tops.tolist(), heights.tolist(), strict=True)
-    return [[max(top - own, 0.0), min(top, 1.0)] for top, own in pairs]
+    return [[max(top - panel_height, 0.0), min(top, 1.0)] for top, panel_height in pairs]
 
 
 def vertical_line(x: float, row: int, dash: str) -> Trace:
@@ -155,11 +155,11 @@ def panel_layout(
     layout: dict[str, Any] = {}
     places = domains(len(axes), height, 22, weights)
     for row, (y, domain) in enumerate(zip(axes, places, strict=True)):
-        own, last = suffix(row), row + 1 == len(axes)
-        layout[f"yaxis{own}"] = {**y, "domain": domain}
-        x = {"anchor": f"y{own}", "showticklabels": last}
+        axis_suffix, last = suffix(row), row + 1 == len(axes)
+        layout[f"yaxis{axis_suffix}"] = {**y, "domain": domain}
+        x = {"anchor": f"y{axis_suffix}", "showticklabels": last}
         x |= {"matches": "x"} if row else {}
-        layout[f"xaxis{own}"] = x | (axis(title) if last else {})
+        layout[f"xaxis{axis_suffix}"] = x | (axis(title) if last else {})
     return layout
 
 

@@ -66,15 +66,15 @@ def column_rows(result: TableCheck) -> list[tuple[str, ...]]:
 
 def noise_row(compared: ComparedNoise) -> tuple[str, ...]:
     """Estimated and configured noise of a sensor, as text."""
-    found, lasts = compared.estimate, "not known"
-    if found.std is None:
-        estimated = f"not known: {found.reason}"
-    elif found.reason:
-        estimated = f"below {found.std_error:.3g}"
+    noise, lasts = compared.estimate, "not known"
+    if noise.std is None:
+        estimated = f"not known: {noise.reason}"
+    elif noise.reason:
+        estimated = f"below {noise.std_error:.3g}"
     else:
-        estimated = f"{found.std:.3g}"
-    if found.std is not None and found.lasts_s is not None:
-        lasts = f"{found.lasts_s:.2g} s" if found.lasts_s else f"0 (up to {found.seen_s:.2g} s)"
+        estimated = f"{noise.std:.3g}"
+    if noise.std is not None and noise.lasts_s is not None:
+        lasts = f"{noise.lasts_s:.2g} s" if noise.lasts_s else f"0 (up to {noise.seen_s:.2g} s)"
     return compared.name, estimated, f"{compared.configured:.3g}", compared.unit, lasts
 
 

@@ -64,20 +64,20 @@ def group_axles(lines: Sequence[str]) -> list[str]:
         match = _OF_AXLE.fullmatch(line)
         if match is not None:
             groups.setdefault(_NUMBER.sub("#", match[2]), []).append(match)
-    grouped = {own[0][0]: _of_axles(own) for own in groups.values()}
-    merged = {match[0] for own in groups.values() for match in own[1:]} - set(grouped)
+    grouped = {group[0][0]: _of_axles(group) for group in groups.values()}
+    merged = {match[0] for group in groups.values() for match in group[1:]} - set(grouped)
     return [grouped.get(line, line) for line in lines if line not in merged]
 
 
-def _of_axles(own: Sequence[re.Match[str]]) -> str:
+def _of_axles(matches: Sequence[re.Match[str]]) -> str:
     """One sentence for what is said of each axle of a group."""
-    first = own[0]
-    axles = sorted({int(match[1]) for match in own})
+    first = matches[0]
+    axles = sorted({int(match[1]) for match in matches})
     if len(axles) == 1:
         return first[0]
     has_gap = axles[-1] - axles[0] >= len(axles)
     numbers = ", ".join(map(str, axles)) if has_gap else f"{axles[0]} to {axles[-1]}"
-    figures = list(zip(*(_NUMBER.findall(match[2]) for match in own), strict=True))
+    figures = list(zip(*(_NUMBER.findall(match[2]) for match in matches), strict=True))
     differing = [place for place, values in enumerate(figures) if len(set(values)) > 1]
     if not differing:
         return f"axles {numbers}: {first[2]}"
@@ -91,7 +91,7 @@ def _of_axles(own: Sequence[re.Match[str]]) -> str:
 
 def legend(results: Sequence[Checked]) -> str:
     """Meaning of the tags that a check shows."""
-    return "; ".join(f"{one.tag}: {one.meaning}" for one in KINDS if one.lines(results))
+    return "; ".join(f"{kind.tag}: {kind.meaning}" for kind in KINDS if kind.lines(results))
 
 
 def verdict(results: Sequence[Checked]) -> str:

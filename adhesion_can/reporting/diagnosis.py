@@ -66,9 +66,9 @@ def verdict_sentences(diagnosis: Diagnosis) -> list[str]:
 def closest_sentences(diagnosis: Diagnosis) -> list[str]:
     """What helps and is no cause, a sentence each with its size and the reason."""
     return [
-        f"{one.title} ({_name_with_sizes(one)}) reduces the RMSE on held-out data by "
-        f"{one.gain_percent:.1f} % but is refuted as the cause: {one.refuted_by}."
-        for one in diagnosis.closest
+        f"{closest.title} ({_name_with_sizes(closest)}) reduces the RMSE on held-out data by "
+        f"{closest.gain_percent:.1f} % but is refuted as the cause: {closest.refuted_by}."
+        for closest in diagnosis.closest
     ]
 
 
@@ -112,8 +112,8 @@ def _witness_sentence(diagnosis: Diagnosis) -> Iterator[str]:
 def widest_environments(diagnosis: Diagnosis) -> list[EnvironmentSizes]:
     """The partition with the largest spread of each effect; of refuted effects as of named ones."""
     widest: dict[str, EnvironmentSizes] = {}
-    for one in diagnosis.environments:
-        widest.setdefault(one.effect, one)
+    for partition in diagnosis.environments:
+        widest.setdefault(partition.effect, partition)
     return list(widest.values())
 
 
@@ -176,16 +176,18 @@ def _unexplained(diagnosis: Diagnosis) -> str:
             "single measured channel explains it."
         )
     # A wave's channel has its length behind the name.
-    own = [
+    p_values = [
         c.p_value for c in diagnosis.channels if c.channel.partition(",")[0] == diagnosis.channel
     ]
-    sure = f" ({p_clause(min(own), 'channels')})" if own else ""
+    sure = f" ({p_clause(min(p_values), 'channels')})" if p_values else ""
     text = (
         f"Unexplained: the residual depends on {channel_label(diagnosis.channel)}{sure}, and no "
         "known effect explains why."
     )
     rejected = (
-        f" {one.what} is not a cause: {one.why}." for one in diagnosis.untested if one.rejected
+        f" {untested.what} is not a cause: {untested.why}."
+        for untested in diagnosis.untested
+        if untested.rejected
     )
     return text + "".join(rejected)
 
@@ -221,28 +223,32 @@ def _noise_below(diagnosis: Diagnosis, gain: Gain) -> str | None:
 
 def _strongest(diagnosis: Diagnosis) -> str:
     """The tested effect with the smallest p-value, and why it is not named; '' without any."""
-    tested = [one for one in diagnosis.evidence if one.is_tested]
+    tested = [effect for effect in diagnosis.evidence if effect.is_tested]
     if not tested:
         return ""
     first = min(tested, key=lambda e: e.p_value if isfinite(e.p_value) else 1.0)
     name = effect_name(first.effect, first.form, first.axle)
-    why = [one.why for one in diagnosis.untested if one.rejected and one.what == first.effect]
+    why = [test.why for test in diagnosis.untested if test.rejected and test.what == first.effect]
     return (
         f"The strongest effect is {name}: {p_equation(first.p_value)}, gain alone "
-        f"{fixed(first.gain_percent, 1, ' %')}{''.join(f'; {one}' for one in why)}."
+        f"{fixed(first.gain_percent, 1, ' %')}{''.join(f'; {reason}' for reason in why)}."
     )
 
 
 def _peaks_of_families(diagnosis: Diagnosis) -> Iterator[str]:
     """Where the families have the peak that predict about as well, if that is not one place."""
-    best = min((one.held_out_rmse for one in diagnosis.families), default=0.0)
-    good = [one for one in diagnosis.families if one.held_out_rmse <= (1.0 + ABOUT_AS_GOOD) * best]
-    slips = [one.lambda_m for one in good if one.lambda_m is not None]
+    best = min((family.held_out_rmse for family in diagnosis.families), default=0.0)
+    good = [
+        family
+        for family in diagnosis.families
+        if family.held_out_rmse <= (1.0 + ABOUT_AS_GOOD) * best
+    ]
+    slips = [family.lambda_m for family in good if family.lambda_m is not None]
     if len(slips) < 2 or max(slips) <= APART * min(slips):
         return
-    heights = [one.mu_max for one in good]
+    heights = [family.mu_max for family in good]
     yield (
-        f"The peak depends on the form of the curve: {', '.join(one.title for one in good)} "
+        f"The peak depends on the form of the curve: {', '.join(family.title for family in good)} "
         f"predict about equally well, with μ_max from {min(heights):.4f} to {max(heights):.4f} "
         f"at slips from {min(slips):.4f} to {max(slips):.4f}. `identify --curve all` compares "
         "them."
@@ -319,10 +325,13 @@ def terminal(diagnosis: Diagnosis) -> Iterator[str | FittingTable]:
         title_ = f"Evidence: {few}{evidence_title(diagnosis.evidence)}"
         yield FittingTable(title_, EVIDENCE_COLUMNS, rows[:SHOWN])
         yield EVIDENCE_NOTE
-        yield decision_note([one for one in diagnosis.evidence if one.is_tested][:SHOWN])
+        yield decision_note([effect for effect in diagnosis.evidence if effect.is_tested][:SHOWN])
     # What was tested says more than what could not be.
-    for one in sorted(diagnosis.untested, key=lambda one: not one.rejected):
-        yield f"{untested_outcome(one, diagnosis.evidence).capitalize()}: {one.what}: {one.why}"
+    for untested in sorted(diagnosis.untested, key=lambda effect: not effect.rejected):
+        yield (
+            f"{untested_outcome(untested, diagnosis.evidence).capitalize()}: {untested.what}: "
+            f"{untested.why}"
+        )
 
 
 def _refutations(diagnosis: Diagnosis) -> Iterator[str | FittingTable]:

@@ -89,14 +89,18 @@ def gain_figure(gain: Gain, *, extended: bool) -> Figure:
 def model_figure(models: Sequence[ModelScore]) -> Figure:
     """Held-out errors of the models that were compared, the best first."""
     colours = [
-        BEFORE if one.decision is None else AFTER if one.decision is Decision.NAMED else MEASURED
-        for one in models
+        BEFORE
+        if model.decision is None
+        else AFTER
+        if model.decision is Decision.NAMED
+        else MEASURED
+        for model in models
     ]
     names = [
-        one.name if one.decision is None else f"{one.name}: {DECISIONS[one.decision].name}"
-        for one in models
+        model.name if model.decision is None else f"{model.name}: {DECISIONS[model.decision].name}"
+        for model in models
     ]
-    scores = [one.held_out_rmse for one in models]
+    scores = [model.held_out_rmse for model in models]
     bars = _bars(names, scores, [f"{score:.3f}" for score in scores], colours)
     layout = {
         "xaxis": axis(HELD_OUT_RMSE, rangemode="tozero"),
@@ -329,14 +333,14 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
     drawn = list(environments[:MOST_PARTITIONS])
     # Of several parameters the figure shows the one that varies most.
     effect, parameter, unit = drawn[0].effect, drawn[0].parameter, drawn[0].unit
-    drawn, size = [one for one in drawn if one.parameter == parameter], drawn[0].size
+    drawn, size = [part for part in drawn if part.parameter == parameter], drawn[0].size
     factor, text = axis_scale(size, unit)
     data = [
-        _points([one for one in drawn if one.refutes is refutes], factor, refutes=refutes)
+        _points([part for part in drawn if part.refutes is refutes], factor, refutes=refutes)
         for refutes in (False, True)
-        if any(one.refutes is refutes for one in drawn)
+        if any(part.refutes is refutes for part in drawn)
     ]
-    names = [level.level for one in drawn for level in one.levels]
+    names = [level.level for part in drawn for level in part.levels]
     layout = {
         "xaxis": axis(f"{parameter}, {text or 'no unit'}"),
         "yaxis": {
@@ -370,7 +374,7 @@ def environment_figure(environments: Sequence[EnvironmentSizes]) -> Figure:
 
 def _points(environments: Sequence[EnvironmentSizes], factor: float, *, refutes: bool) -> Trace:
     """Points with whiskers of some partitions, in one colour."""
-    levels = [level for one in environments for level in one.levels]
+    levels = [level for part in environments for level in part.levels]
     half = [factor * NORMAL_95 * level.std for level in levels]
     return scatter(
         "markers",

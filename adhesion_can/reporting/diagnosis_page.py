@@ -137,8 +137,10 @@ def _environments(diagnosis: Diagnosis) -> list[Part]:
             "size: sizes that differ significantly and by more than 30 % refute it."
         )
     ]
-    for effect in dict.fromkeys(one.effect for one in diagnosis.environments):
-        environments = [one for one in diagnosis.environments if one.effect == effect]
+    for effect in dict.fromkeys(partition.effect for partition in diagnosis.environments):
+        environments = [
+            partition for partition in diagnosis.environments if partition.effect == effect
+        ]
         parts.append(environment_figure(environments))
     widest = environment_rows(widest_environments(diagnosis))
     caption = "The partition in which the sizes of each effect differ most, ± standard deviation."
@@ -154,7 +156,7 @@ def _gain(diagnosis: Diagnosis) -> list[Part]:
         times = recording_times(diagnosis, name)
         span = f"{times.seconds(begin):.1f} to {times.seconds(end):.1f} s"
         spans.setdefault(name, []).append(span)
-    held = [f"Held out of {name}: {', '.join(own)}." for name, own in spans.items()]
+    held = [f"Held out of {name}: {', '.join(span_texts)}." for name, span_texts in spans.items()]
     figure = gain_figure(gain, extended=has_extension(diagnosis))
     return [figure, Items(held)] if held else [figure]
 
@@ -167,9 +169,9 @@ def _simulation_plots(diagnosis: Diagnosis) -> list[Part]:
         return [Text("There is no span to show.")]
     return [
         simulation_figure(
-            one, recording_times(diagnosis, one.recording), extended=has_extension(diagnosis)
+            plot, recording_times(diagnosis, plot.recording), extended=has_extension(diagnosis)
         )
-        for one in diagnosis.plots.simulations
+        for plot in diagnosis.plots.simulations
     ]
 
 
@@ -306,8 +308,8 @@ def _untested(diagnosis: Diagnosis) -> list[Part]:
     if not diagnosis.untested:
         return [Text("Everything was tested.")]
     rows = [
-        (one.what, untested_outcome(one, diagnosis.evidence), one.why)
-        for one in sorted(diagnosis.untested, key=lambda one: not one.rejected)
+        (untested.what, untested_outcome(untested, diagnosis.evidence), untested.why)
+        for untested in sorted(diagnosis.untested, key=lambda effect: not effect.rejected)
     ]
     note = (
         "not tested: the data do not identify it. rejected: tested, and not confirmed. refuted: "

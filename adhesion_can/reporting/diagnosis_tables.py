@@ -50,15 +50,15 @@ def family_rows(families: Sequence[FamilyResult]) -> list[tuple[str, ...]]:
     """Cells of a table with `FAMILY_COLUMNS`."""
     return [
         (
-            one.title,
-            str(one.parameters),
-            fixed(one.held_out_rmse, 3),
-            fixed(one.rmse, 4),
-            fixed(one.mu_max, 4),
-            "-" if one.lambda_m is None else fixed(one.lambda_m, 4),
-            "yes" if one.chosen else "",
+            family.title,
+            str(family.parameters),
+            fixed(family.held_out_rmse, 3),
+            fixed(family.rmse, 4),
+            fixed(family.mu_max, 4),
+            "-" if family.lambda_m is None else fixed(family.lambda_m, 4),
+            "yes" if family.chosen else "",
         )
-        for one in families
+        for family in families
     ]
 
 
@@ -66,14 +66,14 @@ def environment_rows(environments: Sequence[EnvironmentSizes]) -> list[tuple[str
     """Cells of a table with `ENVIRONMENT_COLUMNS`, one row an environment."""
     return [
         (
-            f"{one.effect}: {one.parameter}",
+            f"{partition.effect}: {partition.parameter}",
             level.level,
-            measured(level.value, level.std, one.unit),
-            fixed(100 * one.spread, 0, " %"),
-            p_text(one.p_value),
+            measured(level.value, level.std, partition.unit),
+            fixed(100 * partition.spread, 0, " %"),
+            p_text(partition.p_value),
         )
-        for one in environments
-        for level in one.levels
+        for partition in environments
+        for level in partition.levels
     ]
 
 
@@ -184,18 +184,18 @@ def _decision(evidence: EffectEvidence) -> str:
     return f"{name}, {p_equation(evidence.worse_p_value)}"
 
 
-def untested_outcome(one: Untested, evidence: Sequence[EffectEvidence]) -> str:
+def untested_outcome(untested: Untested, evidence: Sequence[EffectEvidence]) -> str:
     """Outcome for what is no finding: not tested, refuted as in its evidence, or rejected."""
-    if not one.rejected:
+    if not untested.rejected:
         return "not tested"
     refuted = {each.effect for each in evidence if each.decision is Decision.REFUTED}
-    return DECISIONS[Decision.REFUTED].name if one.what in refuted else "rejected"
+    return DECISIONS[Decision.REFUTED].name if untested.what in refuted else "rejected"
 
 
 def evidence_title(evidence: Sequence[EffectEvidence]) -> str:
     """What a table of evidence holds: how many tests of how many effects."""
-    tested = [one for one in evidence if one.is_tested]
-    effects = len({one.effect for one in tested})
+    tested = [effect for effect in evidence if effect.is_tested]
+    effects = len({test.effect for test in tested})
     return (
         f"{counted(len(tested), 'test')} of {counted(effects, 'effect')}: each form of an effect, "
         "and each axle, has a test of its own"
@@ -204,8 +204,12 @@ def evidence_title(evidence: Sequence[EffectEvidence]) -> str:
 
 def decision_note(evidence: Sequence[EffectEvidence]) -> str:
     """Meaning of the decisions that a table of evidence holds."""
-    there = {one.decision for one in evidence if one.is_tested}
-    meanings = [f"'{text.name}': {text.meaning}" for one, text in DECISIONS.items() if one in there]
+    there = {effect.decision for effect in evidence if effect.is_tested}
+    meanings = [
+        f"'{text.name}': {text.meaning}"
+        for decision, text in DECISIONS.items()
+        if decision in there
+    ]
     return f"decision: {'; '.join(meanings)}."
 
 

@@ -77,11 +77,11 @@ def page(
 def _figure(evaluation: Evaluation) -> Figure:
     together = [evaluation.total] if len(evaluation.recordings) > 1 else []
     parts = [*evaluation.recordings, *together]
-    names = [one.recording or "all" for one in parts]
+    names = [part.recording or "all" for part in parts]
     bars = {
-        "plain curve": [one.plain for one in parts],
-        "model as written": [one.as_written.rmse for one in parts],
-        "model, curve refitted": [one.refitted.rmse for one in parts],
+        "plain curve": [part.plain for part in parts],
+        "model as written": [part.as_written.rmse for part in parts],
+        "model, curve refitted": [part.refitted.rmse for part in parts],
     }
     data = [
         {"type": "bar", "name": name, "x": names, "y": values, "hovertemplate": "%{y:.4g}",
@@ -98,8 +98,12 @@ def _rows(evaluation: Evaluation) -> list[tuple[str, ...]]:
     for recording in evaluation.recordings:
         rows.append(_row(recording.recording, recording))
         if several:
-            own = [one for one in evaluation.surfaces if one.recording == recording.recording]
-            rows += [_row(f"  {_span(one, recording)}", one) for one in own]
+            surfaces = [
+                surface
+                for surface in evaluation.surfaces
+                if surface.recording == recording.recording
+            ]
+            rows += [_row(f"  {_span(surface, recording)}", surface) for surface in surfaces]
     if len(evaluation.recordings) > 1:
         rows.append(_row("all", evaluation.total))
     return rows
@@ -112,12 +116,12 @@ def _span(part: PartEvaluation, recording: PartEvaluation) -> str:
 
 def _row(name: str, part: PartEvaluation) -> tuple[str, ...]:
     cells = [name, str(part.samples), short(part.plain)]
-    for one in (part.as_written, part.refitted):
-        cells += [short(one.rmse), _gain(one)]
+    for comparison in (part.as_written, part.refitted):
+        cells += [short(comparison.rmse), _gain(comparison)]
     return tuple(cells)
 
 
-def _gain(one: Comparison) -> str:
-    low, high = one.interval
-    text = f"{one.percent:.1f} %"
+def _gain(comparison: Comparison) -> str:
+    low, high = comparison.interval
+    text = f"{comparison.percent:.1f} %"
     return f"{text} ({low:.1f} to {high:.1f})" if isfinite(low) else text

@@ -120,7 +120,7 @@ def _sequence_table(outcome: NoiseLevelResult) -> Table:
 def verdict(outcome: NoiseLevelResult) -> list[str]:
     """Main results at one noise level, one sentence each."""
     merits = {r.name: m for r, m in _ranked(outcome)}
-    own = PAPERS_OWN[outcome.experiment.number]
+    papers_own = PAPERS_OWN[outcome.experiment.number]
     others = [name for name in merits if name != "oracle"]
     if not others:
         return []
@@ -132,40 +132,40 @@ def verdict(outcome: NoiseLevelResult) -> list[str]:
         f"{level}: {best} has the smallest error of the maximum adhesion {when}"
         f"(RMSE {_sig(errors[best])}; {BOUND} {_sig(limit)})"
     )
-    if own in errors and own != best:
-        times = errors[own] / errors[best]
+    if papers_own in errors and papers_own != best:
+        times = errors[papers_own] / errors[best]
         much = f"{times:.1f} times as large" if times >= 1.05 else "hardly larger"
-        first += f"; that of {own} is {much} ({_sig(errors[own])})"
+        first += f"; that of {papers_own} is {much} ({_sig(errors[papers_own])})"
     if DEFAULT in errors and best != DEFAULT:
         first += f"; {DEFAULT}, the default, has {_sig(errors[DEFAULT])}"
-    found = [first + "."]
-    if outcome.experiment.ramp and own in merits:
-        c1, c2, c3, mu, _ = merits[own].slip_quartiles[1]
-        found.append(
-            f"{level}: slip at which {own} has found a value, median: c1 {_slip(c1)}, "
+    sentences = [first + "."]
+    if outcome.experiment.ramp and papers_own in merits:
+        c1, c2, c3, mu, _ = merits[papers_own].slip_quartiles[1]
+        sentences.append(
+            f"{level}: slip at which {papers_own} has found a value, median: c1 {_slip(c1)}, "
             f"c2 {_slip(c2)}, c3 {_slip(c3)}, maximum adhesion {_slip(mu)} (the paper reports "
             "about 0.1 for c1 and c2, 0.4 for c3)."
         )
-    if {own, ORDINARY, SUMMED} <= errors.keys() and own != ORDINARY:
+    if {papers_own, ORDINARY, SUMMED} <= errors.keys() and papers_own != ORDINARY:
         comparison = "; ".join(
             f"{what} {_sig(errors[name])} and {_sig(merits[name].rmse[0])}"
             for what, name in (
                 ("ordinary algorithm", ORDINARY),
-                ("both changes, mean innovation", own),
+                ("both changes, mean innovation", papers_own),
                 ("both changes, summed innovation", SUMMED),
             )
         )
-        found.append(
+        sentences.append(
             f"{level}: the paper's estimators, RMSE of the maximum adhesion and of c1: "
             f"{comparison}."
         )
-    if {own, ONE_SAMPLE, ALL_DATA} <= errors.keys() and not outcome.experiment.ramp:
-        found.append(
-            f"{level}: RMSE of the maximum adhesion by block processing {_sig(errors[own])}, by "
-            f"sequence processing {_sig(errors[ONE_SAMPLE])} with one sample for each block and "
-            f"{_sig(errors[ALL_DATA])} with all samples so far."
+    if {papers_own, ONE_SAMPLE, ALL_DATA} <= errors.keys() and not outcome.experiment.ramp:
+        sentences.append(
+            f"{level}: RMSE of the maximum adhesion by block processing "
+            f"{_sig(errors[papers_own])}, by sequence processing {_sig(errors[ONE_SAMPLE])} with "
+            f"one sample for each block and {_sig(errors[ALL_DATA])} with all samples so far."
         )
-    return found
+    return sentences
 
 
 # --------------------------------------------------------------------------------------- page
@@ -246,7 +246,7 @@ def document(outcomes: Sequence[NoiseLevelResult], provenance: Mapping[str, Any]
 def _result_json(result: EstimatorResult, outcome: NoiseLevelResult) -> dict[str, Any]:
     m = compute_figures(result, outcome)
     errors = result.values - outcome.truth
-    found: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "name": result.name,
         "runs": result.runs,
         "silent_before_the_end": result.is_late,
@@ -255,17 +255,17 @@ def _result_json(result: EstimatorResult, outcome: NoiseLevelResult) -> dict[str
         "update_ms": m.update_ms,
     }
     if outcome.experiment.ramp:
-        found["slip_needed"] = {
+        fields["slip_needed"] = {
             name: _spread(column) for name, column in zip(QUANTITIES, m.slip_needed.T, strict=True)
         }
     else:
-        found["rmse_without_switch_blocks"] = _named(m.rmse_steady)
-        found["blocks_needed"] = _spread(m.blocks_needed)
+        fields["rmse_without_switch_blocks"] = _named(m.rmse_steady)
+        fields["blocks_needed"] = _spread(m.blocks_needed)
         samples = m.samples_needed
-        found["samples_needed"] = None if samples is None else _spread(samples)
-    found["mean_by_update"] = _columns(mean(result.values, 0))
-    found["rmse_by_update"] = _columns(rms(errors, 0))
-    return found
+        fields["samples_needed"] = None if samples is None else _spread(samples)
+    fields["mean_by_update"] = _columns(mean(result.values, 0))
+    fields["rmse_by_update"] = _columns(rms(errors, 0))
+    return fields
 
 
 def csv_rows(outcomes: Sequence[NoiseLevelResult]) -> Iterator[tuple[str, ...]]:

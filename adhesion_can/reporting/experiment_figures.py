@@ -174,13 +174,13 @@ def histograms(outcome: NoiseLevelResult) -> Figure:
     for row, domain in enumerate(domains(count, height, gap=66)):
         part = slice(experiment.updates - 1 if experiment.ramp else row * each, (row + 1) * each)
         truth = float(outcome.truth[row * each, MU_MAX])
-        found = {r.name: r.values[:, part, MU_MAX].ravel() for r in in_order(outcome)}
-        half = _half_width([v - truth for n, v in found.items() if is_shown(outcome, n)])
-        bins = np.clip(max((len(v) for v in found.values()), default=0) // 8, *BINS)
+        estimates = {r.name: r.values[:, part, MU_MAX].ravel() for r in in_order(outcome)}
+        half = _half_width([v - truth for n, v in estimates.items() if is_shown(outcome, n)])
+        bins = np.clip(max((len(v) for v in estimates.values()), default=0) // 8, *BINS)
         edges = truth + half * np.linspace(-1.0, 1.0, int(bins) + 1)
         middles = 0.5 * (edges[1:] + edges[:-1])
         for result in in_order(outcome):
-            values = found[result.name]
+            values = estimates[result.name]
             values = values[np.isfinite(values)]
             counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
             style = line_style(outcome, result, first=row == 0)
@@ -198,16 +198,16 @@ def histograms(outcome: NoiseLevelResult) -> Figure:
                 }
                 | place(row)
             )
-        own = suffix(row)
+        axis_suffix = suffix(row)
         where = f"on surface {row + 1}" if count > 1 else "at the end"
         title = f"μ<sub>m</sub> {where} (true {truth:.4f})"
-        layout[f"xaxis{own}"] = {
+        layout[f"xaxis{axis_suffix}"] = {
             "title": {"text": title, "standoff": 10},
             "range": [edges[0], edges[-1]],
-            "anchor": f"y{own}",
+            "anchor": f"y{axis_suffix}",
         }
-        layout[f"yaxis{own}"] = axis(
-            "share, %", domain=domain, rangemode="tozero", anchor=f"x{own}"
+        layout[f"yaxis{axis_suffix}"] = axis(
+            "share, %", domain=domain, rangemode="tozero", anchor=f"x{axis_suffix}"
         )
         layout.setdefault("shapes", []).append(vertical_line(truth, row, "dash"))
     whose = "at the end of the run" if experiment.ramp else "over all blocks of each surface"
@@ -254,14 +254,18 @@ def accuracy(outcome: NoiseLevelResult) -> Figure:
             | place(row)
             for name, group, x, marker in marked
         ]
-        own = suffix(row)
+        axis_suffix = suffix(row)
         numbers = [*all_, *(kept or ()), *(() if bound is None else (bound,))]
-        layout[f"xaxis{own}"] = {
+        layout[f"xaxis{axis_suffix}"] = {
             "title": {"text": title, "standoff": 10},
-            "anchor": f"y{own}",
+            "anchor": f"y{axis_suffix}",
             **log_axis(numbers),
         }
-        layout[f"yaxis{own}"] = {"domain": domain, "anchor": f"x{own}", "type": "category"}
+        layout[f"yaxis{axis_suffix}"] = {
+            "domain": domain,
+            "anchor": f"x{axis_suffix}",
+            "type": "category",
+        }
         if bound is not None:
             layout["shapes"].append(vertical_line(bound, row, "dot"))
     caption = (
@@ -276,8 +280,8 @@ def slips_needed(outcome: NoiseLevelResult) -> Figure:
     shown = [(r.name, compute_figures(r, outcome).slip_needed) for r in reversed(in_order(outcome))]
     data: list[Trace] = []
     for q, colour in enumerate(("#0b5fa5", "#d55e00", "#2e8b57", "#8e5aa8")):
-        found = np.array([quartiles(slips[:, q]) for _, slips in shown])
-        low, middle, high = np.where(np.isfinite(found), found, np.nan).T
+        slip_quartiles = np.array([quartiles(slips[:, q]) for _, slips in shown])
+        low, middle, high = np.where(np.isfinite(slip_quartiles), slip_quartiles, np.nan).T
         end = np.where(np.isnan(high), outcome.experiment.slip_max, high)
         data.append(
             scatter(

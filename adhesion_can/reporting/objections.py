@@ -73,18 +73,20 @@ class ObjectionLog:
     def shares(self) -> dict[Objection, float]:
         """Share of the time of each objection, 0..1, without waits; the largest first."""
         counts: Counter[Objection] = Counter()
-        for one in self._stretches:
-            if not one.is_wait:
-                counts[one.objection] += one.setpoints
+        for stretch in self._stretches:
+            if not stretch.is_wait:
+                counts[stretch.objection] += stretch.setpoints
         return {objection: count / self._total for objection, count in counts.most_common()}
 
     @property
     def foremost(self) -> Stretch | None:
         """Longest stretch of the objection that comes first; None where none lasts."""
-        lasting = (one for one, share in self.shares.items() if _lasts(one, share))
+        lasting = (
+            candidate for candidate, share in self.shares.items() if _lasts(candidate, share)
+        )
         objection = next(lasting, None)
-        of_objection = (one for one in self._stretches if one.objection is objection)
-        return max(of_objection, key=lambda one: one.seconds, default=None)
+        of_objection = (stretch for stretch in self._stretches if stretch.objection is objection)
+        return max(of_objection, key=lambda stretch: stretch.seconds, default=None)
 
     @property
     def times(self) -> TimeScale:
@@ -94,19 +96,19 @@ class ObjectionLog:
     def sentences(self) -> list[str]:
         """Sentence for each objection with its share of the time, and one for the waits."""
         lines = [
-            f"{100 * share:.1f} % of the time {objection_sentence(one)}."
-            for one, share in self.shares.items()
+            f"{100 * share:.1f} % of the time {objection_sentence(objection)}."
+            for objection, share in self.shares.items()
         ]
-        waits = [one for one in self._stretches if one.is_wait]
+        waits = [stretch for stretch in self._stretches if stretch.is_wait]
         return [*lines, self._wait_sentence(waits)] if waits else lines
 
     def _wait_sentence(self, waits: Sequence[Stretch]) -> str:
-        share = sum(one.setpoints for one in waits) / self._total
+        share = sum(stretch.setpoints for stretch in waits) / self._total
         return (
             f"{100 * share:.1f} % of the time the service waited for the vehicle's answer to a "
             f"step of all efforts ({counted(len(waits), 'time')}, "
-            f"{max(one.seconds for one in waits):.1f} s at most): the rail can change under all "
-            "axles at once, so this is no fault."
+            f"{max(stretch.seconds for stretch in waits):.1f} s at most): the rail can change "
+            "under all axles at once, so this is no fault."
         )
 
 

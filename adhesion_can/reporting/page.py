@@ -125,13 +125,13 @@ class Page:
     @property
     def figures(self) -> list[Figure]:
         """All figures in their order."""
-        found: list[Figure] = []
+        figures: list[Figure] = []
         for part in chain.from_iterable(self.sections.values()):
             if isinstance(part, Grid):
-                found += part.figures
+                figures += part.figures
             elif isinstance(part, Figure):
-                found.append(part)
-        return found
+                figures.append(part)
+        return figures
 
 
 def require_extra(where: str) -> tuple[Any, Any]:

@@ -77,13 +77,13 @@ def phases(truth: dict[str, Any], rows: Sequence[Row]) -> list[Phase]:
     result = []
     for surface in truth["surfaces"]:
         inside = [r for r in rows if surface["from_s"] < r.t_us / 1e6 <= surface["to_s"]]
-        found = next((r for r in inside if _found(r.outputs, surface["mu_max"])), None)
+        found_row = next((r for r in inside if _found(r.outputs, surface["mu_max"])), None)
         used = [row.adhesion_used for row in inside]
         result.append(
             Phase(
                 surface,
                 inside[-1].outputs if inside else None,
-                None if found is None else found.t_us / 1e6 - surface["from_s"],
+                None if found_row is None else found_row.t_us / 1e6 - surface["from_s"],
                 sum(used) / len(used) / surface["mu_max"] if used else None,
             )
         )
@@ -105,10 +105,10 @@ PHASE_COLUMNS = (
 )  # fmt: skip
 
 
-def phase_rows(found: Sequence[Phase]) -> list[tuple[str, ...]]:
+def phase_rows(run_phases: Sequence[Phase]) -> list[tuple[str, ...]]:
     """Cells of truth and estimate, a row a surface."""
     rows: list[tuple[str, ...]] = []
-    for phase in found:
+    for phase in run_phases:
         out, true = phase.last or Outputs(), phase.truth
         point = out.setpoint
         rows.append(
@@ -128,10 +128,10 @@ def phase_rows(found: Sequence[Phase]) -> list[tuple[str, ...]]:
     return rows
 
 
-def phase_table(found: Sequence[Phase]) -> FittingTable:
+def phase_table(run_phases: Sequence[Phase]) -> FittingTable:
     """Table of truth and estimate, a row a surface; with a column of doubts where there are any."""
-    rows = phase_rows(found)
-    doubtful = any(phase.last and phase.last.doubt in DESCRIPTIONS for phase in found)
+    rows = phase_rows(run_phases)
+    doubtful = any(phase.last and phase.last.doubt in DESCRIPTIONS for phase in run_phases)
     shown = [i for i, name in enumerate(PHASE_COLUMNS) if doubtful or name != "doubt"]
     title = "Truth and estimate at the end of each surface"
     return FittingTable(

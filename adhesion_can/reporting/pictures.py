@@ -117,8 +117,8 @@ def _add_legend(canvas: Any, last: Any, figure: Figure) -> None:
 
 def _number(name: str) -> int:
     """Number of an axis by its name, as 'yaxis3' or 'y3'; the first has none."""
-    found = re.search(r"\d+$", name)
-    return int(found.group()) if found else 1
+    match = re.search(r"\d+$", name)
+    return int(match.group()) if match else 1
 
 
 def _suffix(number: int) -> str:
@@ -126,8 +126,8 @@ def _suffix(number: int) -> str:
 
 
 def _x(layout: Mapping[str, Any], number: int) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = layout.get(f"xaxis{_suffix(number)}", {})
-    return found
+    abscissa: Mapping[str, Any] = layout.get(f"xaxis{_suffix(number)}", {})
+    return abscissa
 
 
 def _text(text: str) -> str:

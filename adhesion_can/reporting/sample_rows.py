@@ -96,7 +96,7 @@ class SampleRows:
             *(FieldColumn(values, np.isnan(values)) for values in channels.values()),
         ]
         order = np.argsort(samples.t_us, kind="stable")
-        self._write(samples.t_us[order] * 1000, [one.select(order) for one in columns])
+        self._write(samples.t_us[order] * 1000, [column.select(order) for column in columns])
         self._waiting, self._curves, self._surfaces, self._size = [], [], [], 0
 
     def _channel(self, name: str) -> Array:

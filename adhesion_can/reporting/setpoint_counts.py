@@ -36,12 +36,12 @@ class SetpointCounts:
 
     def describe_doubts(self) -> list[str]:
         """Line with the share of the time with doubt and what it was about; none without doubt."""
-        found = [(doubt, n) for doubt, n in self.by_doubt.most_common() if doubt in DESCRIPTIONS]
-        if not found:
+        doubts = [(doubt, n) for doubt, n in self.by_doubt.most_common() if doubt in DESCRIPTIONS]
+        if not doubts:
             return []
-        whole = self.share(sum(n for _, n in found))
-        shares = [f" ({self.share(n)})" if len(found) > 1 else "" for _, n in found]
+        whole = self.share(sum(n for _, n in doubts))
+        shares = [f" ({self.share(n)})" if len(doubts) > 1 else "" for _, n in doubts]
         reasons = [
-            DESCRIPTIONS[doubt] + share for (doubt, _), share in zip(found, shares, strict=True)
+            DESCRIPTIONS[doubt] + share for (doubt, _), share in zip(doubts, shares, strict=True)
         ]
         return [f"doubt {whole} of the time ({', '.join(reasons)}): run `diagnose`"]

@@ -44,11 +44,11 @@ Readings = Mapping[Signal, tuple[Stamps, Array]]
 def in_columns(readings: Iterable[Reading]) -> Readings:
     """Readings of one frame as columns of one row."""
     return {
-        (one.role, one.axle): (
-            np.array([one.t_us], dtype=np.int64),
-            np.array([np.nan if one.value is None else one.value]),
+        (reading.role, reading.axle): (
+            np.array([reading.t_us], dtype=np.int64),
+            np.array([np.nan if reading.value is None else reading.value]),
         )
-        for one in readings
+        for reading in readings
     }
 
 
@@ -162,10 +162,14 @@ class ColumnFormer:
         plain = replace(formed, covariates=always)
         for first, last in pairwise(bounds.tolist()):
             rows = slice(first, last)
-            own = plain.select(rows) if first < last else NO_SAMPLES
+            samples = plain.select(rows) if first < last else NO_SAMPLES
             # An update carries the covariates that all its samples have.
             more = {n: c[rows] for n, c in at_times.items() if np.isfinite(c[rows]).all()}
-            yield replace(own, covariates={**own.covariates, **more}) if more and len(own) else own
+            yield (
+                replace(samples, covariates={**samples.covariates, **more})
+                if more and len(samples)
+                else samples
+            )
 
     def collect_all(self, due_us: Stamps) -> tuple[Samples, NDArray[np.int64]]:
         """Samples of all times of collecting in one, and where those of each start.
@@ -344,7 +348,9 @@ class ColumnFormer:
         if equations.transfer is None:
             return load, std, needed
         row = equations.transfer[axle - 1]
-        transfer_std = np.array([hypot(static_std, one * sum(row)) for one in effort.tolist()])
+        transfer_std = np.array(
+            [hypot(static_std, own_effort * sum(row)) for own_effort in effort.tolist()]
+        )
         pending = np.ones(size, dtype=np.bool_)
         shift, latest = np.zeros(size), bracketed
         for j, share in enumerate(row, start=1):

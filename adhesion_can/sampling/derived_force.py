@@ -62,8 +62,12 @@ def find_derived_force(t_us: NDArray[np.int64], speed: Array, force: Array) -> D
     even = np.abs(steps / step - 1.0) <= SAME_STEP
     if not _is_noise(speed, even):
         return None
-    found = [one for span in SPANS if (one := _compare(span, speed, force, even)) is not None]
-    return max(found, key=lambda one: one.shared, default=None)
+    derived_forces = [
+        resemblance
+        for span in SPANS
+        if (resemblance := _compare(span, speed, force, even)) is not None
+    ]
+    return max(derived_forces, key=lambda derived: derived.shared, default=None)
 
 
 def _compare(span: int, speed: Array, force: Array, even: NDArray[np.bool_]) -> DerivedForce | None:
@@ -104,8 +108,8 @@ def _whole(even: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
     return np.asarray(odd[steps:] == odd[:-steps])
 
 
-def correlation(one: Array, other: Array) -> float:
+def correlation(values: Array, other: Array) -> float:
     """Pearson's correlation coefficient; 0 where one of the two is constant."""
-    if not (np.ptp(one) > 0 and np.ptp(other) > 0):
+    if not (np.ptp(values) > 0 and np.ptp(other) > 0):
         return 0.0
-    return float(np.corrcoef(one, other)[0, 1])
+    return float(np.corrcoef(values, other)[0, 1])

@@ -126,8 +126,10 @@ class DriveSignals:
             return
         t_us, axle, slip = (np.concatenate(column) for column in zip(*self._samples, strict=True))
         self._samples, self._sample_count = [], 0
-        own = {number: axle == number for number in np.unique(axle).tolist()}
-        self.add({(SLIP, number): (t_us[rows], slip[rows]) for number, rows in own.items()})
+        rows_by_axle = {number: axle == number for number in np.unique(axle).tolist()}
+        self.add(
+            {(SLIP, number): (t_us[rows], slip[rows]) for number, rows in rows_by_axle.items()}
+        )
 
     def _thin(self, signal: Signal) -> None:
         parts = self._waiting.pop(signal, [])
@@ -151,6 +153,6 @@ class DriveSignals:
         highest = np.fmax.reduceat(values, begins)[span]
         kept = np.zeros(len(values), dtype=np.bool_)
         for rows in (values == lowest, values == highest, np.isnan(values)):
-            found = np.flatnonzero(rows)
-            kept[found[np.diff(span[found], prepend=-1) > 0]] = True
+            indices = np.flatnonzero(rows)
+            kept[indices[np.diff(span[indices], prepend=-1) > 0]] = True
         return t_us[kept], values[kept]

@@ -364,16 +364,18 @@ class SampleFormer(Stateful):
             self._transfer.efforts(stamps) if correction.needs_efforts else None,
             angle,
             {
-                name: np.array([one.get(name, nan) for one in given])
+                name: np.array([covariates.get(name, nan) for covariates in given])
                 for name in correction.covariates
             },
         )
 
     def _covariates_of(self, rows: list[_Row]) -> dict[str, Array]:
         """Columns of the covariates that all of the rows have."""
-        found = [self._covariates_at(row.t_us) for row in rows]
-        names = set(found[0]).intersection(*found)
-        return {name: np.array([one[name] for one in found]) for name in sorted(names)}
+        by_row = [self._covariates_at(row.t_us) for row in rows]
+        names = set(by_row[0]).intersection(*by_row)
+        return {
+            name: np.array([covariates[name] for covariates in by_row]) for name in sorted(names)
+        }
 
     def _load_at(self, axle: int, t_us: int, effort: float) -> tuple[float, float, float] | Waiting:
         """Load, standard deviation of what was not measured, and transfer since it was, N."""

@@ -200,7 +200,7 @@ class ReadingTransfer(Stateful):
     def travel(self, t_us: list[int]) -> Array:
         """Direction of travel at stamps: 1 forwards or unknown, −1 in reverse."""
         held = (self._direction.held_at(stamp) for stamp in t_us)
-        return np.array([1.0 if one is None else one[1] for one in held])
+        return np.array([1.0 if reading is None else reading[1] for reading in held])
 
     def forget_before(self, t_us: int) -> None:
         """Drop what no sample at or after a stamp needs."""
@@ -227,5 +227,5 @@ class ReadingTransfer(Stateful):
         """Last efforts of all axles at a stamp, N; None where there is none."""
         if t_us not in self._efforts_by_stamp:
             held = [history.held_at(t_us) for history in self._effort.values()]
-            self._efforts_by_stamp[t_us] = [one and one[1] for one in held]
+            self._efforts_by_stamp[t_us] = [reading and reading[1] for reading in held]
         return self._efforts_by_stamp[t_us]

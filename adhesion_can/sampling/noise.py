@@ -160,9 +160,9 @@ def estimate_signal(trace: Trace, step: float = 0.0) -> NoiseEstimate:
         return NoiseEstimate(reason=TOO_FEW)
     cycle_s = float(np.median(np.diff(trace.t_us))) * 1e-6
     t_s, value = _spans(trace)
-    found = {order: _variance(t_s, value, order, 1, cycle_s) for order in ORDERS}
-    order = _settled_order(found)
-    var = found[order or ORDERS[-1]].var
+    by_order = {order: _variance(t_s, value, order, 1, cycle_s) for order in ORDERS}
+    order = _settled_order(by_order)
+    var = by_order[order or ORDERS[-1]].var
     rounding = step * step / 12.0
     reason = _unknown(value, var, rounding)
     if reason or order is None:
@@ -177,7 +177,7 @@ def estimate_signal(trace: Trace, step: float = 0.0) -> NoiseEstimate:
         reason = "the resolution of the signal hides it"
         return NoiseEstimate(bound, sqrt(rounding), lasts_s, seen_s, reason)
     std = sqrt(total - rounding)
-    return NoiseEstimate(std, 0.5 * found[order].std_error * total / std, lasts_s, seen_s)
+    return NoiseEstimate(std, 0.5 * by_order[order].std_error * total / std, lasts_s, seen_s)
 
 
 def _unknown(value: Array, var: float, rounding: float) -> str:
@@ -220,14 +220,14 @@ def _variance(
     return low_quantile(block_means(d * d, size), max(size * freedom_share(order), 1.0))
 
 
-def _settled_order(found: Mapping[int, BlockVariance]) -> int | None:
+def _settled_order(by_order: Mapping[int, BlockVariance]) -> int | None:
     """First order whose variance a higher order does not reduce; None where none is."""
     for order in ORDERS[:-1]:
-        chance = found[order + 1].std_error
-        if found[order].var <= (REDUCED + chance) * found[order + 1].var:
+        chance = by_order[order + 1].std_error
+        if by_order[order].var <= (REDUCED + chance) * by_order[order + 1].var:
             return order
     last = ORDERS[-1]
-    return last if found[last - 1].var <= SETTLED * found[last].var else None
+    return last if by_order[last - 1].var <= SETTLED * by_order[last].var else None
 
 
 def _lags(t_s: Array, value: Array, cycle_s: float) -> tuple[Array, Array]:
@@ -235,12 +235,12 @@ def _lags(t_s: Array, value: Array, cycle_s: float) -> tuple[Array, Array]:
     longest = t_s.shape[-1] - LAG_ORDER
     strides = [s for s in STRIDES if LEAST_BLOCK * s + LAG_ORDER * s <= longest]
     sizes = [min(BLOCK, (longest - LAG_ORDER * s) // s) for s in strides]
-    found = [
+    variances = [
         _variance(t_s, value, LAG_ORDER, stride, cycle_s, size).var
         for stride, size in zip(strides, sizes, strict=True)
     ]
-    end = next((i for i, var in enumerate(found) if not np.isfinite(var)), len(found))
-    return np.array(strides[:end], dtype=np.float64), np.array(found[:end])
+    end = next((i for i, var in enumerate(variances) if not np.isfinite(var)), len(variances))
+    return np.array(strides[:end], dtype=np.float64), np.array(variances[:end])
 
 
 def _without_motion(var: Array) -> int:
@@ -295,14 +295,14 @@ def _fit_parts(lasting: Array, var: Array) -> tuple[float, float]:
         Sum of squares, and the sum of both variances.
 
     """
-    one, other = 1.0 / var, lasting / var
-    aa, ab, bb = float(one @ one), float(one @ other), float(other @ other)
-    a, b = float(one.sum()), float(other.sum())
+    inverse, other = 1.0 / var, lasting / var
+    aa, ab, bb = float(inverse @ inverse), float(inverse @ other), float(other @ other)
+    a, b = float(inverse.sum()), float(other.sum())
     det = max(aa * bb - ab * ab, 1e-30)
-    white, own = (bb * a - ab * b) / det, (aa * b - ab * a) / det
+    white, lasting_var = (bb * a - ab * b) / det, (aa * b - ab * a) / det
     if white < 0.0:
-        white, own = 0.0, b / bb
-    elif own < 0.0:
-        white, own = a / aa, 0.0
-    rest = 1.0 - white * one - own * other
-    return float(rest @ rest), white + own
+        white, lasting_var = 0.0, b / bb
+    elif lasting_var < 0.0:
+        white, lasting_var = a / aa, 0.0
+    rest = 1.0 - white * inverse - lasting_var * other
+    return float(rest @ rest), white + lasting_var

@@ -28,12 +28,12 @@ class RimSpeed:
 
     def add_to(self, readings: Iterable[Reading]) -> list[Reading]:
         """The readings of a frame, with the speed after them where they have the wheel."""
-        found = list(readings)
-        for one in tuple(found):
-            if one.role is Role.WHEEL_SPEED and one.axle == REFERENCE_AXLE:
-                value = None if one.value is None else self._radius * one.value
-                found.append(Reading(one.t_us, Role.VEHICLE_SPEED, 0, value))
-        return found
+        with_speed = list(readings)
+        for reading in tuple(with_speed):
+            if reading.role is Role.WHEEL_SPEED and reading.axle == REFERENCE_AXLE:
+                value = None if reading.value is None else self._radius * reading.value
+                with_speed.append(Reading(reading.t_us, Role.VEHICLE_SPEED, 0, value))
+        return with_speed
 
     def add_to_columns(self, readings: Readings) -> Readings:
         """The readings of a block, with the speed where they have the wheel."""

@@ -42,9 +42,9 @@ class Trace:
         """
         if not len(self.t_us):
             return np.full(np.shape(t_us), np.nan)
-        found = np.searchsorted(self.t_us, t_us)
-        exact = self.t_us[np.minimum(found, len(self.t_us) - 1)] == t_us
-        after = np.clip(found, 1, max(len(self.t_us) - 1, 1))
+        following = np.searchsorted(self.t_us, t_us)
+        exact = self.t_us[np.minimum(following, len(self.t_us) - 1)] == t_us
+        after = np.clip(following, 1, max(len(self.t_us) - 1, 1))
         span = np.diff(self.t_us, append=self.t_us[-1])[after - 1]
         value = np.interp(t_us, self.t_us, self.value, left=np.nan, right=np.nan)
         return np.where((span <= gap_us) | exact, value, np.nan)

@@ -262,7 +262,7 @@ class ServiceCore:
     @property
     def ids(self) -> list[IdFilter]:
         """Filters of all input and output messages."""
-        return [*self.receiver.ids, *(IdFilter.exact(*one) for one in self.messages.ids)]
+        return [*self.receiver.ids, *(IdFilter.exact(*frame_id) for frame_id in self.messages.ids)]
 
     @property
     def next_due_us(self) -> int | None:

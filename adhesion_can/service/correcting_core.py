@@ -91,7 +91,7 @@ class CorrectingCore(ServiceCore):
         # Made here, as it takes milliseconds: at a due time a setpoint would wait for it.
         beside = _CoreBeside(replace(self.configuration, model=change.model), self._estimator)
         self._changes.append(_PreparedChange(change.t_us, beside))
-        self._changes.sort(key=lambda one: one.t_us)
+        self._changes.sort(key=lambda prepared: prepared.t_us)
 
     def next_change_us(self) -> int:
         """Earliest time of a change, µs, behind the due time for which work was done ahead."""

@@ -104,7 +104,7 @@ def _take(number: int, until_s: float) -> None:
 def _is_there(number: int, place: Path) -> bool:
     """Whether an open file still has its name."""
     try:
-        found = place.lstat()
+        status = place.lstat()
     except FileNotFoundError:
         return False
-    return os.path.samestat(os.fstat(number), found)
+    return os.path.samestat(os.fstat(number), status)

@@ -168,7 +168,9 @@ class FrameInputs:
 
     def is_stale(self, t_us: int) -> bool:
         """Whether a required input is silent for over `STALE_CYCLES` cycles at a time, µs."""
-        return any(t_us - one.last_us > STALE_CYCLES * one.cycle_us for one in self._supervised)
+        return any(
+            t_us - timeout.last_us > STALE_CYCLES * timeout.cycle_us for timeout in self._supervised
+        )
 
     def _count_frames(self) -> tuple[int, int]:
         return self._receiver.rejected, self._receiver.lost

@@ -198,7 +198,7 @@ def state_from_text(text: str, vehicle: str, now_us: int, most_age_s: float) -> 
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise StateError(f"damaged: {error}") from error
     # A clock that was set back makes a surface young; it is not refused.
-    young = tuple(one for one in surfaces if now_us - one.seen_us <= most_age_s * 1e6)
+    young = tuple(surface for surface in surfaces if now_us - surface.seen_us <= most_age_s * 1e6)
     if surfaces and not young:
         age_h = (now_us - surfaces[-1].seen_us) / 3.6e9
         raise StateError(f"too old: it last saw a surface {age_h:.1f} h ago")

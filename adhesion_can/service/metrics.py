@@ -81,7 +81,7 @@ class ServiceCollector(Collector):
             ("doubt", "doubt", outputs.doubt),
             ("objection", "objection to the readings", outputs.objection),
         ):
-            states = {one.name: one is now for one in type(now)}
+            states = {state.name: state is now for state in type(now)}
             yield StateSetMetricFamily(f"{PREFIX}{name}", meaning, states)
         for name, meaning, read in GAUGES:
             if (number := read(outputs)) is not None:

@@ -47,7 +47,7 @@ def require_layout(message: Message, packaged: Message, where: str) -> None:
             _require_protection(plan.signals[signal.name], own_plan.signals[signal.name], where)
         else:
             _require_values(plan.signals[signal.name], own_plan.signals[original.name], where)
-    _require_places(plan, [one for _, one in pairs if one.name not in PROTECTION], where)
+    _require_places(plan, [sent for _, sent in pairs if sent.name not in PROTECTION], where)
 
 
 def _page(signal: Signal) -> tuple[bool, str | None, frozenset[int]]:
@@ -58,7 +58,7 @@ def _page(signal: Signal) -> tuple[bool, str | None, frozenset[int]]:
 
 def _page_text(signal: Signal) -> str:
     """Page of a signal as a DBC writes it, `SG_ NAME m1`."""
-    number = "".join(f" m{one}" for one in signal.multiplexer_ids or ())
+    number = "".join(f" m{page}" for page in signal.multiplexer_ids or ())
     return f"SG_ {signal.name}{' M' if signal.is_multiplexer else number}"
 
 
@@ -103,19 +103,19 @@ def _require_values(plan: SignalPlan, packaged: SignalPlan, where: str) -> None:
 def _require_places(plan: MessagePlan, signals: list[Signal], where: str) -> None:
     """DatabaseError where signals of one frame share bits, with each other or the protection."""
     bits = {signal.name: _bits(plan.signals[signal.name]) for signal in signals}
-    for name, own in bits.items():
-        if own & _PROTECTED_BITS:
+    for name, signal_bits in bits.items():
+        if signal_bits & _PROTECTED_BITS:
             raise DatabaseError(
                 where,
                 f"its signal {name} overlaps the checksum or counter",
                 "start it at bit 12 or later",
             )
-    for one, other in combinations(signals, 2):
-        pages = [set(signal.multiplexer_ids or ()) for signal in (one, other)]
+    for first, second in combinations(signals, 2):
+        pages = [set(signal.multiplexer_ids or ()) for signal in (first, second)]
         apart = all(pages) and pages[0].isdisjoint(pages[1])
-        if not apart and bits[one.name] & bits[other.name]:
+        if not apart and bits[first.name] & bits[second.name]:
             raise DatabaseError(
-                where, f"its signals {one.name} and {other.name} share bits", "move one of them"
+                where, f"its signals {first.name} and {second.name} share bits", "move one of them"
             )
 
 

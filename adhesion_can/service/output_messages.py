@@ -52,12 +52,12 @@ class Health(NamedTuple):
     loop_time_p99_us: float | None
 
 
-def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
+def _require_signals(database: CanDatabase, packaged: CanDatabase) -> None:
     """Raise a DatabaseError where the user's output messages cannot carry what ours do."""
     for name in OUTPUT_MESSAGES:
         message = database.message(name)
         present = {s.name for s in message.signals}
-        missing = {s.name for s in own.message(name).signals} - present
+        missing = {s.name for s in packaged.message(name).signals} - present
         missing.discard(LATER_SIGNALS.get(name, ""))
         if missing:
             raise DatabaseError(
@@ -69,7 +69,7 @@ def _require_signals(database: CanDatabase, own: CanDatabase) -> None:
             raise DatabaseError(
                 f"{database.path.name}: {name}", "its cycle is unknown", "state GenMsgCycleTime"
             )
-        require_layout(message, own.message(name), f"{database.path.name}: {name}")
+        require_layout(message, packaged.message(name), f"{database.path.name}: {name}")
 
 
 class _Ahead(NamedTuple):
@@ -118,7 +118,7 @@ class OutputMessages:
                     f"give a database that defines {', '.join(OUTPUT_MESSAGES)} with free ids",
                 )
         self.ids = frozenset(
-            (one.plan.frame_id, one.plan.is_extended) for one in self._encoders.values()
+            (message.plan.frame_id, message.plan.is_extended) for message in self._encoders.values()
         )
         """Id of every output message, and whether it has 29 bits."""
         self._ahead: _Ahead | None = None
@@ -139,7 +139,7 @@ class OutputMessages:
     @property
     def cycles_by_id_us(self) -> dict[int, int]:
         """Cycle of each message by its id, µs."""
-        return {one.plan.frame_id: one.cycle_us for one in self._encoders.values()}
+        return {message.plan.frame_id: message.cycle_us for message in self._encoders.values()}
 
     @property
     def sizes(self) -> dict[str, int]:

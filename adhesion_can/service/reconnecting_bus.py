@@ -64,7 +64,12 @@ class ReconnectingBus:
         """Number of times that the bus came back."""
         self._open_bus = open_bus
         self._filters: can.typechecking.CanFilters = [
-            {"can_id": one.number, "can_mask": one.mask, "extended": one.is_extended} for one in ids
+            {
+                "can_id": id_filter.number,
+                "can_mask": id_filter.mask,
+                "extended": id_filter.is_extended,
+            }
+            for id_filter in ids
         ]
         self._notify = notify
         self._clock = clock

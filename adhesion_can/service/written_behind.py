@@ -57,5 +57,5 @@ class WrittenBehind:
             self._log.end(failed=error is not None)
         if self._keeper is not None:
             self._keeper.end()
-        waited = [one.wait() for one in (self._log, self._keeper) if one is not None]
+        waited = [writer.wait() for writer in (self._log, self._keeper) if writer is not None]
         self.all_ended = all(waited)

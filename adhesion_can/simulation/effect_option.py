@@ -132,12 +132,12 @@ def _require_some_adhesion(active: ActiveEffect, vehicle: Locomotive, where: str
         raise InputError(where, "leaves no adhesion on a common surface", "give a smaller size")
 
 
-def _is_same(one: ActiveEffect, other: ActiveEffect) -> bool:
+def _is_same(active: ActiveEffect, other: ActiveEffect) -> bool:
     """Whether two are one effect; of another axle, or in another form, they are two."""
-    if (one.effect.id, one.effect.form) != (other.effect.id, other.effect.form):
+    if (active.effect.id, active.effect.form) != (other.effect.id, other.effect.form):
         return False
-    places = [k for k, p in enumerate(one.effect.parameters) if p.axle]
-    return all(one.values[k] == other.values[k] for k in places)
+    places = [k for k, p in enumerate(active.effect.parameters) if p.axle]
+    return all(active.values[k] == other.values[k] for k in places)
 
 
 def _full_name(effect: Effect) -> str:

@@ -76,18 +76,18 @@ def limits_of(
     share = usual / Locomotive().axle_load[0]
     narrow("effort_max", usual * vehicle.relative_load, f"{share:.2f} of the mean axle load")
     room = NOISE_ROOM * noise_of(vehicle).effort
-    for found in effort_ranges(messages):
-        source = f"the range of {found.signal.name} ({describe_ends(found.signal)})"
-        if found.high <= room:
-            raise no_room_error(found.signal, "traction")
-        narrow("effort_max", found.high - room, source)
-        if found.low < -room:
-            narrow("effort_max", -found.low - room, source)
+    for signal_range in effort_ranges(messages):
+        source = f"the range of {signal_range.signal.name} ({describe_ends(signal_range.signal)})"
+        if signal_range.high <= room:
+            raise no_room_error(signal_range.signal, "traction")
+        narrow("effort_max", signal_range.high - room, source)
+        if signal_range.low < -room:
+            narrow("effort_max", -signal_range.low - room, source)
         else:
             narrow("braking", False, source)
-    for found in speed_ranges(vehicle, messages, given.slip_max):
-        if found.high <= given.speed_min:
-            raise no_room_error(found.signal, f"speeds above {3.6 * given.speed_min:g} km/h")
-        source = f"the range of {found.signal.name} ({describe_ends(found.signal)})"
-        narrow("speed_max", found.high, source)
+    for signal_range in speed_ranges(vehicle, messages, given.slip_max):
+        if signal_range.high <= given.speed_min:
+            raise no_room_error(signal_range.signal, f"speeds above {3.6 * given.speed_min:g} km/h")
+        source = f"the range of {signal_range.signal.name} ({describe_ends(signal_range.signal)})"
+        narrow("speed_max", signal_range.high, source)
     return SourcedLimits(limits, sources)

@@ -146,7 +146,7 @@ class Plant:
         # Transfer is linear in the efforts: (axles, axles), N of load per N of effort.
         self._transfer: Array | None = None
         if load_shifts:
-            self._transfer = np.sum([one.shares(vehicle).T for one in load_shifts], axis=0)
+            self._transfer = np.sum([shift.shares(vehicle).T for shift in load_shifts], axis=0)
         elif load_transfer and vehicle.geometry:
             self._transfer = vehicle.geometry.load_transfer(np.eye(vehicle.axles))
         self.acceleration = 0.0

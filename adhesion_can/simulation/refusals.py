@@ -34,12 +34,12 @@ def require_simulable(
 
     """
     sent = [message for message in messages if message.roles - {Role.CHANNEL}]
-    found = [*_shared_efforts(choices), *_multiplexed(sent), *_unknown_cycles(sent)]
-    if len(found) == 1:
-        raise ConfigError(f"{where}: roles", *found[0])
-    if found:
-        what = "; ".join(f"({n}) {one.what}" for n, one in enumerate(found, start=1))
-        fix = "; ".join(f"({n}) {one.fix}" for n, one in enumerate(found, start=1))
+    refusals = [*_shared_efforts(choices), *_multiplexed(sent), *_unknown_cycles(sent)]
+    if len(refusals) == 1:
+        raise ConfigError(f"{where}: roles", *refusals[0])
+    if refusals:
+        what = "; ".join(f"({n}) {refusal.what}" for n, refusal in enumerate(refusals, start=1))
+        fix = "; ".join(f"({n}) {refusal.fix}" for n, refusal in enumerate(refusals, start=1))
         raise ConfigError(f"{where}: roles", what, fix)
 
 

@@ -143,7 +143,9 @@ class RoleSensors:
         self._saturated: Counter[tuple[str, str]] = Counter()
         """Number of those at an end of the signal's range."""
         sent = [message for message in messages if message.roles - {Role.CHANNEL}]
-        self._transmitters = [RoleTransmitter(one, slot * slot_us) for slot, one in enumerate(sent)]
+        self._transmitters = [
+            RoleTransmitter(message, slot * slot_us) for slot, message in enumerate(sent)
+        ]
 
     def due(
         self, after: PlantState, before: PlantState, from_us: int, until_us: int

@@ -92,8 +92,8 @@ class EffectSuite:
     def draw(self, n: int = 180) -> Contact:
         """A drive of `n` samples with all channels, and the covariates of the effect."""
         contact, rng = draw_contact(n=n), np.random.default_rng(5)
-        own = {name: rng.uniform(*ends, n) for name, ends in self.covariates.items()}
-        return replace(contact, covariates={**contact.covariates, **own})
+        covariates = {name: rng.uniform(*ends, n) for name, ends in self.covariates.items()}
+        return replace(contact, covariates={**contact.covariates, **covariates})
 
     def test_the_definition_is_complete(self) -> None:
         """Texts are there, parameters have a range with 0 for the size, and names differ."""
@@ -195,5 +195,8 @@ class EffectSuite:
 
 def _arrays(contact: Contact) -> Iterable[Array]:
     """All arrays of a contact."""
-    own = (getattr(contact, field.name) for field in fields(Contact))
-    return [*(one for one in own if isinstance(one, np.ndarray)), *contact.covariates.values()]
+    values = (getattr(contact, field.name) for field in fields(Contact))
+    return [
+        *(value for value in values if isinstance(value, np.ndarray)),
+        *contact.covariates.values(),
+    ]

@@ -113,15 +113,15 @@ class EstimatorSuite:
         """Random numbers come from a seed in the settings; a copy goes on as the original."""
         samples = draw_samples(RAIL[1].theta, noise=0.05)
         half = len(samples) // 2
-        one, two = self.make(), self.make()
-        self.feed(one, samples.select(slice(0, half)))
-        self.feed(two, samples.select(slice(0, half)))
+        first, second = self.make(), self.make()
+        self.feed(first, samples.select(slice(0, half)))
+        self.feed(second, samples.select(slice(0, half)))
         rest = samples.select(slice(half, None))
-        copied = deepcopy(one)
-        ends = [self.feed(each, rest)[-1] for each in (one, two, copied)]
-        found = [None if end is None else (end.theta, end.covariance.tolist()) for end in ends]
-        require(found[0] == found[1], f"two runs end with {found[0]} and {found[1]}")
-        require(found[0] == found[2], f"a copy ends with {found[2]}, it with {found[0]}")
+        copied = deepcopy(first)
+        ends = [self.feed(each, rest)[-1] for each in (first, second, copied)]
+        results = [None if end is None else (end.theta, end.covariance.tolist()) for end in ends]
+        require(results[0] == results[1], f"two runs end with {results[0]} and {results[1]}")
+        require(results[0] == results[2], f"a copy ends with {results[2]}, it with {results[0]}")
 
 
 def _require_numbers(estimate: Estimate) -> None:

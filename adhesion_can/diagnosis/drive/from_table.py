@@ -97,11 +97,11 @@ def build_drive_data_from_table(
 def _is_force_derived(samples: Samples) -> bool:
     """Whether the force of any axle was computed from the rate of change of the speed."""
     force = samples.adhesion * samples.load
-    found = (
-        find_derived_force(samples.t_us[own], samples.speed[own], force[own])
-        for own in (samples.axle == axle for axle in np.unique(samples.axle))
+    derived_forces = (
+        find_derived_force(samples.t_us[axle_rows], samples.speed[axle_rows], force[axle_rows])
+        for axle_rows in (samples.axle == axle for axle in np.unique(samples.axle))
     )
-    return any(table is not None for table in found)
+    return any(table is not None for table in derived_forces)
 
 
 def _monotonic_times(t_s: Array, segment: NDArray[np.int64], axle: NDArray[np.int64]) -> Array:

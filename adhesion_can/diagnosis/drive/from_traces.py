@@ -84,10 +84,10 @@ def build_drive_data_from_traces(
     if vehicle.geometry is not None:
         # An axle is as far back as it stands behind the leading one.
         places = vehicle.geometry.axle_places
-        own = places[axles - 1]
-        position = position - np.where(direction > 0, own, places[-1] - own)
+        axle_places = places[axles - 1]
+        position = position - np.where(direction > 0, axle_places, places[-1] - axle_places)
     names = {(role, 0): name for role, name in COVARIATES.items()}
-    names |= {(Role.CHANNEL, number): one.name for number, one in enumerate(channels, 1)}
+    names |= {(Role.CHANNEL, number): channel.name for number, channel in enumerate(channels, 1)}
     covariates = _interpolate_covariates(traces, names, t_s, origin, lost)
     return DriveData(
         name=name,
@@ -187,7 +187,7 @@ def _interpolate_covariates(
 
     A channel of few values holds until the next reading, and is not interpolated.
     """
-    found = {}
+    covariates = {}
     for key, name in names.items():
         trace = traces.get(key)
         if trace is None:
@@ -197,10 +197,10 @@ def _interpolate_covariates(
         if available.mean() < 1.0 - MOST_MISSING or len(stamps) < 2:
             lost[f"channel {name}"] += int((~available).sum())
         elif _holds(name, values):
-            found[name] = values[np.maximum(np.searchsorted(stamps, t_s, side="right") - 1, 0)]
+            covariates[name] = values[np.maximum(np.searchsorted(stamps, t_s, side="right") - 1, 0)]
         else:
-            found[name] = np.interp(t_s, stamps, values)
-    return found
+            covariates[name] = np.interp(t_s, stamps, values)
+    return covariates
 
 
 def _holds(name: str, values: Array) -> bool:

@@ -166,7 +166,7 @@ class SignalKinematics:
     def cycle_s(self) -> float:
         """Longest time between two readings of a signal, s, median of each signal."""
         s = self._signals
-        stamps = [s.speed.t_s, *(one.t_s for one in (*s.wheels.values(), *s.effort.values()))]
+        stamps = [s.speed.t_s, *(signal.t_s for signal in (*s.wheels.values(), *s.effort.values()))]
         return max((float(np.median(np.diff(t))) for t in stamps if len(t) > 1), default=0.0)
 
     @property
@@ -193,7 +193,9 @@ class SignalKinematics:
         smoothed = self._signals.effort
         if len(smoothed) < self.vehicle.axles:
             return None
-        at = (np.interp(self._t_s, one.t_s, one.value) for _, one in sorted(smoothed.items()))
+        at = (
+            np.interp(self._t_s, effort.t_s, effort.value) for _, effort in sorted(smoothed.items())
+        )
         return np.stack(list(at), axis=1)
 
     @cached_property

@@ -52,10 +52,10 @@ class LastingNoise:
     def autocovariance(self, lag_s: Array) -> Array:
         """Autocovariance at given lags, s, in the signal's unit squared; shape as `lag_s`."""
         away = np.abs(lag_s)
-        found = np.where(away == 0.0, self.white, 0.0)
+        covariance = np.where(away == 0.0, self.white, 0.0)
         if self.memory_s:
-            found = found + self.lasting * np.exp(-away / self.memory_s)
-        return np.asarray(found)
+            covariance = covariance + self.lasting * np.exp(-away / self.memory_s)
+        return np.asarray(covariance)
 
 
 def fit_lasting_noise(

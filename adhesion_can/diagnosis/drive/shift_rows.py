@@ -33,10 +33,10 @@ def shift_rows(t_s: Array, values: Array, by_s: float) -> Array:
 
     """
     at = t_s + by_s
-    found = np.interp(at, t_s, values)
+    shifted_values = np.interp(at, t_s, values)
     steps = np.diff(t_s)
     if len(steps) < LEAST_RUN or not (step := float(np.median(steps))) > 0.0:
-        return found
+        return shifted_values
     breaks = np.flatnonzero(np.abs(steps - step) > EVEN * step) + 1
     ends = [0, *breaks.tolist(), len(t_s)]
     for first, last in pairwise(ends):
@@ -45,8 +45,8 @@ def shift_rows(t_s: Array, values: Array, by_s: float) -> Array:
         # Its source is within the run for all but the rows at one end.
         inside = (at[first:last] >= t_s[first]) & (at[first:last] <= t_s[last - 1])
         shifted = _shift_run(values[first:last], by_s / step)
-        found[first:last][inside] = shifted[inside]
-    return found
+        shifted_values[first:last][inside] = shifted[inside]
+    return shifted_values
 
 
 def _shift_run(values: Array, by_rows: float) -> Array:

@@ -181,13 +181,13 @@ def _estimate_noise(
     Noise is the same whatever window shows it. Motion that a window does not follow grows with its
     width and looks like noise that lasts: such a window says nothing of the noise.
     """
-    found = [fit_lasting_noise(raw - fit.value, runs, fit.weights, cycle) for fit in fits]
+    noises = [fit_lasting_noise(raw - fit.value, runs, fit.weights, cycle) for fit in fits]
     widths = [len(fit.weights) for fit in fits]
     for place in reversed(range(len(fits))):
         halves = [k for k in range(place) if widths[k] <= ABOUT_HALF * widths[place]]
-        if halves and found[place].lasting <= SAME_NOISE * found[halves[-1]].lasting:
-            return found[place]
-    return found[min(1, len(found) - 1)]
+        if halves and noises[place].lasting <= SAME_NOISE * noises[halves[-1]].lasting:
+            return noises[place]
+    return noises[min(1, len(noises) - 1)]
 
 
 def _score_by_leverage(raw: Array, fit: _Fit, cycle: float) -> _Smoothing:
@@ -304,7 +304,7 @@ def predict_speed_from_efforts(
         """Least-squares fit of impulse and pitch that come so much earlier than the speed, s."""
         # The pitch comes last: the fit without it has the others.
         late = np.stack([lagged(t, impulse, lag), travelled, lagged(t, total * v, lag)])
-        design = np.stack([_second_difference(one, step) for one in late])
+        design = np.stack([_second_difference(part, step) for part in late])
         gram, right = design @ design.T, design @ dv
 
         def explain(count: int) -> tuple[Array, float]:

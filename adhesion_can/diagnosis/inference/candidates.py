@@ -59,10 +59,10 @@ def build_candidates(drives: Sequence[DriveData]) -> tuple[tuple[Candidate, ...]
         why = _missing(effect, drives)
         candidates: list[Candidate] = []
         if not why:
-            own = axles if any(p.axle for p in effect.parameters) else [0]
-            plausible = (-inf, inf) if own != [0] else _plausible(effect, wheelset)
+            effect_axles = axles if any(p.axle for p in effect.parameters) else [0]
+            plausible = (-inf, inf) if effect_axles != [0] else _plausible(effect, wheelset)
             plain = Candidate(effect, is_lag=_is_lag(effect), plausible=plausible)
-            candidates, why = with_starts(plain, own, drives)
+            candidates, why = with_starts(plain, effect_axles, drives)
         candidates_found += candidates
         if why:
             untested[effect.id, effect.form] = why
@@ -282,7 +282,7 @@ def depends_on_sequence(effect: Effect) -> bool:
         covariates=dict.fromkeys(effect.requires.covariates, rows),
     )
     later = replace(contact, time_s=np.array([100.0, 150.0, 300.0]))
-    changes = [effect.change(one, values, LagStates()) for one in (contact, later)]
+    changes = [effect.change(state, values, LagStates()) for state in (contact, later)]
     early, late = (np.concatenate([c.slip, np.broadcast_to(c.factor, (3,))]) for c in changes)
     return not np.array_equal(early, late)
 

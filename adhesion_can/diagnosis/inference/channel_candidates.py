@@ -29,7 +29,7 @@ def build_channel_candidates(
         drives: Rows of the recordings or tables, those that are held out included.
 
     """
-    found: list[Candidate] = []
+    candidates: list[Candidate] = []
     untested: list[Untested] = []
     of_library = {name for effect in known_effects() for name in effect.requires.covariates}
     brought = {channel.name: channel for drive in drives for channel in drive.user_channels}
@@ -44,8 +44,8 @@ def build_channel_candidates(
         if why:
             untested.append(Untested(PREFIX + name, why))
         else:
-            found += map(Candidate, _forms(brought[name], values))
-    return tuple(found), untested
+            candidates += map(Candidate, _forms(brought[name], values))
+    return tuple(candidates), untested
 
 
 def _why_no_cause(values: Array, drives: Sequence[DriveData]) -> str:

@@ -49,9 +49,11 @@ def compute_effect_grams(prepared: PreparedRegression, rmse: float) -> EffectGra
     white = regression.whiten(signatures)
     grams = regression.compute_grams(np.column_stack([columns[:, :-1], white, columns[:, -1]]))
     keys = tuple(_key(candidate) for candidate in prepared.candidates)
-    found = project_grams(grams, curve, keys, rmse)
+    projected = project_grams(grams, curve, keys, rmse)
     typical = tuple(candidate.free_parameters[0].typical for candidate in prepared.candidates)
-    return replace(found, fits=_estimate_sizes(regression, prepared, found), typical=typical)
+    return replace(
+        projected, fits=_estimate_sizes(regression, prepared, projected), typical=typical
+    )
 
 
 def _estimate_sizes(

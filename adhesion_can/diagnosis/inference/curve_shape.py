@@ -112,7 +112,7 @@ def choose_families(findings: Findings, fits: Sequence[ScoredFamily]) -> list[Fa
         for family in ranked
         if family.cross_validated_square <= limit and family.family is not FREE
     ]
-    formulas.sort(key=lambda one: one.scored.cross_validated_square)
+    formulas.sort(key=lambda family: family.scored.cross_validated_square)
     chosen = [*formulas[:1], *(family for family in ranked[:1] if family not in formulas[:1])]
 
     def most_effects(scored: ScoredFamily) -> int | None:

@@ -94,13 +94,15 @@ def find_residual_channels(
     channels = build_channels(data, corrected)
     bases = [channel.build_basis(corrected) for channel in channels]
     jacobian = compute_curve_jacobian(data, model.curves, corrected)
-    found = fit_residual_channels(regression, fitted, channels, bases, jacobian, rng)
+    dependences = fit_residual_channels(regression, fitted, channels, bases, jacobian, rng)
     wave = find_wave(regression, model, corrected, rng)
     if wave is not None and wave[2] <= alpha:
         channel, basis, p_value = wave
-        (one,) = fit_residual_channels(regression, fitted, [channel], [basis], jacobian, rng)
-        found.append(replace(one, p_value=p_value))
-    return sorted(found, key=lambda one: -one.gain)
+        (wave_dependence,) = fit_residual_channels(
+            regression, fitted, [channel], [basis], jacobian, rng
+        )
+        dependences.append(replace(wave_dependence, p_value=p_value))
+    return sorted(dependences, key=lambda dependence: -dependence.gain)
 
 
 def fit_residual_channels(
@@ -141,7 +143,7 @@ def fit_residual_channels(
         gain = 1.0 - after / max(before, 1e-300)
         p_value = float(test.p_value[place])
         dependences.append(ResidualChannel(channel, p_value, gain, basis, jacobian, coefficients))
-    return sorted(dependences, key=lambda one: -one.gain)
+    return sorted(dependences, key=lambda dependence: -dependence.gain)
 
 
 def find_wave(

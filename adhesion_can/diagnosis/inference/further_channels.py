@@ -73,7 +73,7 @@ def drop_needless(
         ]
         if not needless:
             return best, smaller
-        least = min(needless, key=lambda one: one.cross_validated_square)
+        least = min(needless, key=lambda model: model.cross_validated_square)
         # What was tested beside a needless effect holds without it.
         by_signs = best.sign_flips.get(frozenset(best.candidates) - {last}, 1.0)
         best = replace(least, sign_flips={frozenset(least.candidates) - {last}: by_signs})

@@ -344,10 +344,11 @@ def gain_interval(
     drive = np.zeros(units, dtype=np.int64)
     if stratum is not None:
         drive[numbers] = stratum
-    for own in (share[drive == number_of_drive] for number_of_drive in np.unique(drive)):
+    for shares in (share[drive == number_of_drive] for number_of_drive in np.unique(drive)):
         # A single unit says nothing of its drive's scatter: all of its share counts as such.
-        size, mean = len(own), float(own.mean()) if len(own) > 1 and units > len(own) else 0.0
-        variance += size / max(size - 1, 1) * float(np.sum((own - mean) ** 2))
+        size = len(shares)
+        mean = float(shares.mean()) if size > 1 and units > size else 0.0
+        variance += size / max(size - 1, 1) * float(np.sum((shares - mean) ** 2))
         freedom += max(size - 1, 0)
     if freedom < 1:
         return -np.inf, 100.0

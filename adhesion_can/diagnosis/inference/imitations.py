@@ -94,7 +94,7 @@ def find_growth(
     grown = (
         fit_model(regression, without.with_effect(growth, start)) for start in growth.start_values
     )
-    best = min(grown, key=lambda one: one.cross_validated_square)
+    best = min(grown, key=lambda fitted: fitted.cross_validated_square)
     named, neither = fit_model(regression, model), fit_model(regression, without)
     by_named, by_growth = (
         neither.cross_validated_square - fitted.cross_validated_square for fitted in (named, best)

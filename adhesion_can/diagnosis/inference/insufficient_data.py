@@ -58,27 +58,27 @@ def describe_insufficient_data(drives: Sequence[DriveData], block: NDArray[np.in
 
 def find_untestable(drives: Sequence[DriveData]) -> list[Untested]:
     """Quantities beside the effects that these drives do not identify, with the reason."""
-    found = []
+    untestable = []
     for drive in drives:
         if drive.independent:
-            found.append(_describe_size(drive))
+            untestable.append(_describe_size(drive))
         if drive.table:
             continue
         idle = np.abs(drive.observe().adhesion) < COASTING
         if not _coasts(idle, drive):
-            found.append(
+            untestable.append(
                 Untested(
                     f"wheel against ground speed in {drive.name}",
                     "no axle coasts for a second, so errors of speed and radius and a bias of "
                     "effort are identified from the curve alone",
                 )
             )
-        found += [
+        untestable += [
             Untested(f"axle {axle} in {drive.name}", "it has no usable row")
             for axle in range(1, len(drive.radius) + 1)
             if not (drive.axle == axle).any()
         ]
-    return found
+    return untestable
 
 
 def _describe_size(drive: DriveData) -> Untested:

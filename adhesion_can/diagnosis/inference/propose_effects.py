@@ -79,14 +79,14 @@ def propose_effects(
     p_values = dict.fromkeys(candidates, 1.0)
     for start, p_value in zip(starts, test.p_value, strict=True):
         p_values[start.candidate] = min(p_values[start.candidate], float(p_value))
-    found: dict[Candidate, EffectProposal] = {}
+    proposals: dict[Candidate, EffectProposal] = {}
     for number, start in enumerate(starts):
         places = [*range(p), p + number, -1]
         gram = grams.total[np.ix_(places, places)]
         proposal = _build_proposal(model, start, gram, p_values[start.candidate])
-        if start.candidate not in found or proposal.gain > found[start.candidate].gain:
-            found[start.candidate] = proposal
-    return sorted(found.values(), key=lambda proposal: -proposal.gain)
+        if start.candidate not in proposals or proposal.gain > proposals[start.candidate].gain:
+            proposals[start.candidate] = proposal
+    return sorted(proposals.values(), key=lambda proposal: -proposal.gain)
 
 
 def _build_proposal(model: Model, start: _Start, gram: Array, p_value: float) -> EffectProposal:

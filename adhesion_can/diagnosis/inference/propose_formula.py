@@ -187,7 +187,7 @@ def _fit_formulas(
     """Fitted models with one formula each beside other effects, the most promising of each form."""
     regression = findings.regression
     sequence = not any(drive.independent for drive in regression.data.drives)
-    others = [one for name, one in channels.items() if name != channel]
+    others = [other_channel for name, other_channel in channels.items() if name != channel]
     candidates = build_formulas(channels[channel], others, sequence=sequence)
     forms: dict[str, int] = {}
     fits = []

@@ -30,13 +30,15 @@ def with_starts(
         drives: Rows of the recordings.
 
     """
-    own = [replace(candidate, axle=int(axle)) for axle in axles]
+    candidates = [replace(candidate, axle=int(axle)) for axle in axles]
     kinds = {parameter.search for parameter in candidate.free_parameters[1:]}
     if SearchStart.STEP_TIME in kinds:
-        return [replace(candidate, starts=((find_step_time(drives[0]),),)) for candidate in own], ""
+        return [
+            replace(candidate, starts=((find_step_time(drives[0]),),)) for candidate in candidates
+        ], ""
     if SearchStart.WHEEL_PHASE in kinds:
-        return _with_phases(own, drives[0])
-    return own, ""
+        return _with_phases(candidates, drives[0])
+    return candidates, ""
 
 
 def find_step_time(drive: DriveData) -> float:
@@ -66,14 +68,14 @@ def find_step_time(drive: DriveData) -> float:
 
 def _with_phases(candidates: Sequence[Candidate], drive: DriveData) -> tuple[list[Candidate], str]:
     """Candidates at the axles whose wheel speeds swing once a turn, with the phase of the swing."""
-    found, largest = [], 0.0
+    swinging, largest = [], 0.0
     for candidate in candidates:
         swing = _swing(drive, candidate.axle)
         if swing.amplitude >= max(LEAST_SWING, LEAST_DEVIATIONS * swing.std):
-            found.append(replace(candidate, starts=((round(swing.phase, 6),),)))
+            swinging.append(replace(candidate, starts=((round(swing.phase, 6),),)))
         largest = max(largest, swing.amplitude)
-    if found:
-        return found, ""
+    if swinging:
+        return swinging, ""
     if largest == 0.0:
         return [], (
             "the recording is too short to show an oscillation once per turn, or no wheel turns"

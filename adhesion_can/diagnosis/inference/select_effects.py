@@ -47,9 +47,9 @@ def select_effects(
     singles = [scored for scored in fitted if scored.is_plausible]
     # A size that no vehicle has is no explanation, however well it fits.
     implausible = tuple(
-        one
-        for one in takewhile(lambda scored: not scored.is_plausible, fitted)
-        if is_improvement(plain, one, test.independent)
+        scored
+        for scored in takewhile(lambda scored: not scored.is_plausible, fitted)
+        if is_improvement(plain, scored, test.independent)
     )
     # The best in whitened noise may only smooth it, and miss the adhesion as much as before.
     improving = [single for single in singles if is_improvement(plain, single, test.independent)]
@@ -143,7 +143,7 @@ def channel_for_drift(
 def prefer_fewest_parameters(best: ScoredModel, equal: Sequence[ScoredModel]) -> ScoredModel:
     """Of indistinguishable forms of the same effects the one with the fewest parameters."""
     same = [best, *(model for model in equal if model.ids == best.ids)]
-    return min(same, key=lambda one: sum(c.size for c in one.candidates))
+    return min(same, key=lambda model: sum(c.size for c in model.candidates))
 
 
 def prefer_contact(
@@ -163,5 +163,5 @@ def prefer_contact(
         and square - model.cross_validated_square >= (1.0 - SAME_WORDS) * explained
     ]
     return max(
-        [best, *twins], key=lambda one: sum(acts_in_contact(c.effect) for c in one.candidates)
+        [best, *twins], key=lambda model: sum(acts_in_contact(c.effect) for c in model.candidates)
     )

@@ -111,11 +111,11 @@ def compare_with_sensors(
     left = regression.residual(model)[regression.used]
     groups = (row_variance.is_by_slip, ~row_variance.is_by_slip)
     compared = [
-        _compare(noise[own], left[own], row_variance.variance[own], row_variance.std_error)
-        for own in groups
-        if own.any() and np.count_nonzero(own) >= LEAST_SHARE * len(own)
+        _compare(noise[group], left[group], row_variance.variance[group], row_variance.std_error)
+        for group in groups
+        if group.any() and np.count_nonzero(group) >= LEAST_SHARE * len(group)
     ]
-    return max(compared, key=lambda one: one.usual)
+    return max(compared, key=lambda comparison: comparison.usual)
 
 
 def compare_where_effort_is_noisy(regression: WhitenedRegression, model: Model) -> float | None:

@@ -61,16 +61,16 @@ class DriveTrainOscillation:
 
 def find_saturated_sensors(drives: Sequence[DriveData]) -> list[SaturatedSensor]:
     """Axles whose effort is cut off at a limit, in the recordings among the drives."""
-    found = []
+    saturated = []
     for drive in drives:
         axles = [] if drive.table else np.unique(drive.axle).tolist()
         limits = {axle: find_saturation(drive.effort[drive.axle == axle]) for axle in axles}
-        found += [
+        saturated += [
             SaturatedSensor(drive.name, axle, *limit)
             for axle, limit in limits.items()
             if limit is not None
         ]
-    return found
+    return saturated
 
 
 def find_saturation(effort: Array) -> tuple[float, float] | None:
@@ -98,8 +98,12 @@ def find_saturation(effort: Array) -> tuple[float, float] | None:
 
 def find_largest_oscillation(drives: Sequence[DriveData]) -> DriveTrainOscillation | None:
     """Oscillation with the largest effect on the adhesion in any drive; None: no drive has one."""
-    oscillations = [one for drive in drives if (one := find_oscillation(drive)) is not None]
-    return max(oscillations, key=lambda one: one.adhesion, default=None)
+    oscillations = [
+        drive_oscillation
+        for drive in drives
+        if (drive_oscillation := find_oscillation(drive)) is not None
+    ]
+    return max(oscillations, key=lambda oscillation: oscillation.adhesion, default=None)
 
 
 def find_oscillation(drive: DriveData) -> DriveTrainOscillation | None:

@@ -39,13 +39,15 @@ def choose_held_out_drives(drives: Sequence[DriveData], given: Sequence[DriveDat
         able = sorted((drive for drive in long if len(drive) >= LEAST_ROWS), key=len)
         count = max(len(drives) // HELD_EVERY, 1)
         chosen = able[:count] if len(able) > count else []
-    return [any(drive is one for one in chosen) for drive in drives]
+    return [any(drive is held_out for held_out in chosen) for drive in drives]
 
 
 def split_by_length(drives: Sequence[DriveData]) -> tuple[list[DriveData], list[DriveData]]:
     """Drives of like length, and those that are much shorter than the longest."""
     pairs = list(zip(drives, _are_short(drives), strict=True))
-    long, short = ([drive for drive, is_short in pairs if is_short is one] for one in (False, True))
+    long, short = (
+        [drive for drive, is_short in pairs if is_short is wanted] for wanted in (False, True)
+    )
     return long, short
 
 

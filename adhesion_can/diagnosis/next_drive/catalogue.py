@@ -44,8 +44,8 @@ def build_catalogue(
 
     """
     beyond = RISE if stable else BEYOND
-    found = _manoeuvres(limits, axles, peak_slip, beyond, sand=sand and limits.sand)
-    return tuple(m for m in found if quick or all(step.period_s != QUICK_S for step in m))
+    manoeuvres = _manoeuvres(limits, axles, peak_slip, beyond, sand=sand and limits.sand)
+    return tuple(m for m in manoeuvres if quick or all(step.period_s != QUICK_S for step in m))
 
 
 def _manoeuvres(

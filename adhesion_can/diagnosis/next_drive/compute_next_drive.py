@@ -153,8 +153,8 @@ def plan_drive(
     steps = _join_alike((lead, *sequence.steps, tail))
     fits = comparison.refit(steps, DriveStart(0.0, speed))
     predictions = tuple(
-        Prediction(one.name, text)
-        for one, text in zip(explanations, _predict(explanations, steps, fits), strict=True)
+        Prediction(explanation.name, text)
+        for explanation, text in zip(explanations, _predict(explanations, steps, fits), strict=True)
     )
     plan = DrivingPlan(
         steps=steps,
@@ -166,8 +166,8 @@ def plan_drive(
         bandwidth_share=round(share, 3),
     )
     pairs = tuple(
-        PairDiscrepancy(names[a], names[b], one.discrepancy, power_of(one.discrepancy))
-        for (a, b), one in fits.items()
+        PairDiscrepancy(names[a], names[b], fit.discrepancy, power_of(fit.discrepancy))
+        for (a, b), fit in fits.items()
     )
     sentence = _describe_plan(plan)
     if missed:
@@ -335,15 +335,15 @@ def _predict(
 ) -> list[str]:
     """What each explanation predicts where it differs most from its nearest rival, a clause."""
     out = []
-    for place, one in enumerate(explanations):
-        own = {pair: fit for pair, fit in fits.items() if pair[0] == place}
-        if not own:
+    for place, explanation in enumerate(explanations):
+        own_fits = {pair: fit for pair, fit in fits.items() if pair[0] == place}
+        if not own_fits:
             rival = next(fit for pair, fit in fits.items() if pair[1] == place)
             out.append(f"{_where(steps, rival, of_rival=True)}")
             continue
-        (_, b), fit = min(own.items(), key=lambda item: item[1].discrepancy)
+        (_, b), fit = min(own_fits.items(), key=lambda item: item[1].discrepancy)
         text = _where(steps, fit, of_rival=False)
-        size = _size(one)
+        size = _size(explanation)
         out.append(f"{text} than {explanations[b].name} fitted to it{size}")
     return out
 
@@ -378,8 +378,8 @@ def _where(steps: Sequence[PlanStep], fit: FittedRival, *, of_rival: bool) -> st
                 level = sign * float(observed.adhesion[part].mean()) - of_rival * mean
                 low, high = (float(x) for x in np.quantile(np.abs(observed.slip[part]), [0, 1]))
                 where = f"in step {number + 1} ({step.mode})"
-                one, other = f"{low:.3f}", f"{high:.3f}"
-                at = f"a slip of {one}" if one == other else f"slips of {one} to {other}"
+                lowest, other = f"{low:.3f}", f"{high:.3f}"
+                at = f"a slip of {lowest}" if lowest == other else f"slips of {lowest} to {other}"
                 clause = f"the adhesion used {where} at {at}"
                 if high < LEAST_SLIP:
                     clause = f"the adhesion of the axles that roll freely {where}"

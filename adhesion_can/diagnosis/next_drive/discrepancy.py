@@ -148,9 +148,9 @@ def _contains(larger: Explanation, smaller: Explanation) -> bool:
 
     Of another family of curves it may be distinguished even so.
     """
-    one, other = larger.model, smaller.model
-    same = one.curves.family is other.curves.family
-    return same and set(other.candidates) <= set(one.candidates)
+    model, other = larger.model, smaller.model
+    same = model.curves.family is other.curves.family
+    return same and set(other.candidates) <= set(model.candidates)
 
 
 def _prior(explanation: Explanation) -> Array:
@@ -242,6 +242,6 @@ def _fit_rival(
     return FittedRival(square, drive, evaluated.residual, regression.scale(model))
 
 
-def add_grams(one: Mapping[Pair, Array], other: Mapping[Pair, Array]) -> dict[Pair, Array]:
+def add_grams(grams: Mapping[Pair, Array], other: Mapping[Pair, Array]) -> dict[Pair, Array]:
     """Sums of the Gram matrices of two parts."""
-    return {pair: gram + other[pair] for pair, gram in one.items()}
+    return {pair: gram + other[pair] for pair, gram in grams.items()}

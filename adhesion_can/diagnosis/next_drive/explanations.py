@@ -73,7 +73,9 @@ def build_explanations(
         known = [selection.best, *selection.indistinguishable]
     else:
         plain_square = selection.plain.cross_validated_square
-        known = [one for one in selection.singles if one.cross_validated_square < plain_square]
+        known = [
+            single for single in selection.singles if single.cross_validated_square < plain_square
+        ]
     models = [known_model.model for known_model in known if not _is_at_bound(known_model.model)]
     if findings.shape is not None:
         models += _rivals_of_shape(regression, findings.shape, findings.prepared.candidates)
@@ -110,12 +112,15 @@ def _rivals_of_shape(
 ) -> list[Model]:
     """Models on Burckhardt's curve that the data cannot separate from another shape."""
     start = shape.burckhardt.model
-    found: list[Model] = []
+    models: list[Model] = []
     for rival in shape.rivals:
-        own = [candidate for candidate in candidates if candidate.effect.id == rival]
-        if own:
-            found += [one.model for one in propose_effects(regression, start, own)[:1]]
-    return found
+        rival_candidates = [candidate for candidate in candidates if candidate.effect.id == rival]
+        if rival_candidates:
+            models += [
+                proposal.model
+                for proposal in propose_effects(regression, start, rival_candidates)[:1]
+            ]
+    return models
 
 
 def _models_of_rivals(
@@ -145,9 +150,9 @@ def _models_of_rivals(
 def _without_duplicates(models: Iterable[ScoredModel]) -> list[ScoredModel]:
     """The best model of each set of effects, best first: forms are no explanations of their own."""
     best: dict[tuple[str, tuple[tuple[str, int], ...]], ScoredModel] = {}
-    for one in sorted(models, key=lambda model: model.cross_validated_square):
-        effects = tuple(sorted((c.effect.id, c.axle) for c in one.candidates))
-        best.setdefault((one.model.curves.family.name, effects), one)
+    for scored_model in sorted(models, key=lambda model: model.cross_validated_square):
+        effects = tuple(sorted((c.effect.id, c.axle) for c in scored_model.candidates))
+        best.setdefault((scored_model.model.curves.family.name, effects), scored_model)
     return list(best.values())
 
 
@@ -165,8 +170,8 @@ def _information(fitted: FittedModel) -> Array:
     total, curves = fitted.grams.total, fitted.model.curves.values.size
     rows = max(float(fitted.grams.rows.sum()) - len(total) + 1, 1.0)
     variance = max(float(total[-1, -1]) / rows, 1e-300)
-    own, cross = total[curves:-1, curves:-1], total[:curves, curves:-1]
-    if not own.size:
+    effect_gram, cross = total[curves:-1, curves:-1], total[:curves, curves:-1]
+    if not effect_gram.size:
         return np.zeros((0, 0))
-    left = own - cross.T @ solve_normal_equations(total[:curves, :curves], cross)
+    left = effect_gram - cross.T @ solve_normal_equations(total[:curves, :curves], cross)
     return np.asarray((left + left.T) / 2 / variance)

@@ -98,7 +98,7 @@ def find_shortest(
 
 
 def _extend(
-    one: DriveSequence | None,
+    sequence: DriveSequence | None,
     manoeuvre: tuple[PlanStep, ...],
     start: DriveStart,
     limits: PlanLimits,
@@ -106,17 +106,19 @@ def _extend(
     compute: Compute,
 ) -> DriveSequence | None:
     """A sequence with one more manoeuvre; None where that exceeds a limit."""
-    duration = (one.duration_s if one else 0.0) + sum(step.duration_s for step in manoeuvre)
+    duration = (sequence.duration_s if sequence else 0.0) + sum(
+        step.duration_s for step in manoeuvre
+    )
     if duration > limits.duration_max - start.time_s:
         return None
-    part = build_part(manoeuvre, one.state if one else start)
+    part = build_part(manoeuvre, sequence.state if sequence else start)
     if part.effort_max > limits.effort_max:
         return None
     if part.speeds[0] < limits.speed_min or part.speeds[1] > limits.speed_max:
         return None
-    grams = add_grams(one.grams, part.grams) if one else dict(part.grams)
+    grams = add_grams(sequence.grams, part.grams) if sequence else dict(part.grams)
     reached = min(compute(grams).values())
-    steps = (*one.steps, *manoeuvre) if one else manoeuvre
+    steps = (*sequence.steps, *manoeuvre) if sequence else manoeuvre
     return DriveSequence(steps, grams, part.end, reached, duration)
 
 

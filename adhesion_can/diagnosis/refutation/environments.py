@@ -61,25 +61,25 @@ def build_partitions(data: RegressionData, slip: Array) -> list[Partition]:
     names = [name for name in parts[0] if all(name in part for part in parts)]
     quantities = {name: np.concatenate([part[name] for part in parts]) for name in names}
     numeric = (_divide(name, values) for name, values in quantities.items())
-    found = [partition for partition in numeric if partition is not None]
-    return [*found, *_groups(data, slip)]
+    partitions = [partition for partition in numeric if partition is not None]
+    return [*partitions, *_groups(data, slip)]
 
 
 def _quantities(drive: DriveData, slip: Array) -> Mapping[str, Array]:
     """Quantities of the rows of a drive by name, shape (n,) each."""
     observed = drive.observe()
-    found = {"creep": np.abs(slip)}
+    quantities = {"creep": np.abs(slip)}
     if drive.has_speed:
-        found["speed"] = observed.speed
+        quantities["speed"] = observed.speed
     if drive.has_load:
-        found["axle_load"] = observed.load
+        quantities["axle_load"] = observed.load
     if not drive.independent:
-        found["time"] = drive.time_s
-        found["slip_rate"] = _compute_rate(drive, slip)
-        found |= _memories(drive, observed)
+        quantities["time"] = drive.time_s
+        quantities["slip_rate"] = _compute_rate(drive, slip)
+        quantities |= _memories(drive, observed)
     if isinstance(drive.kinematics, SignalKinematics):
-        found["total_effort"] = drive.kinematics.total_effort
-    return found | {name: np.abs(values) for name, values in drive.covariates.items()}
+        quantities["total_effort"] = drive.kinematics.total_effort
+    return quantities | {name: np.abs(values) for name, values in drive.covariates.items()}
 
 
 def _compute_rate(drive: DriveData, slip: Array) -> Array:

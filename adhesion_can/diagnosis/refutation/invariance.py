@@ -85,10 +85,10 @@ def compute_sizes(
 
     """
     columns = regression.build_columns(model)
-    own = range(
+    effect_columns = range(
         model.first_parameter(place), model.first_parameter(place) + model.candidates[place].size
     )
-    common = np.delete(columns, list(own), axis=1)
+    common = np.delete(columns, list(effect_columns), axis=1)
     jacobian = compute_effect_jacobian(
         regression.data,
         *remove_effect(model, place),
@@ -97,12 +97,12 @@ def compute_sizes(
     )
     parameters = model.candidates[place].free_parameters
     split = (_split(regression, common, jacobian, partition) for partition in partitions)
-    found = [
-        one
+    sizes = [
+        of_part
         for part in split
-        if (one := part.sizes(parameters, model.values[place], len(partitions))) is not None
+        if (of_part := part.sizes(parameters, model.values[place], len(partitions))) is not None
     ]
-    return sorted(found, key=lambda sizes_of: -sizes_of.spread)
+    return sorted(sizes, key=lambda sizes_of: -sizes_of.spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,17 +147,17 @@ class _SplitEffect:
         kept = np.repeat(informed, m)
         estimates = (np.tile(np.array(values), len(informed)) + change)[kept].reshape(-1, m)
         covariance = covariance[np.ix_(kept, kept)]
-        found = [
+        individual_sizes = [
             self._of_parameter(j, parameters[j], values[j], estimates[:, j], covariance[j::m, j::m])
             for j in range(m)
             if j == 0 or _is_within(estimates[:, j], parameters[j])
         ]
         # Each parameter answers for itself: one that varies by chance is not refuted by another.
         counted = [
-            replace(sizes_of, p_value=min(1.0, tests * len(found) * sizes_of.p_value))
-            for sizes_of in found
+            replace(sizes_of, p_value=min(1.0, tests * len(individual_sizes) * sizes_of.p_value))
+            for sizes_of in individual_sizes
         ]
-        varying = max(counted, key=lambda one: (one.refutes, one.spread))
+        varying = max(counted, key=lambda sizes_of: (sizes_of.refutes, sizes_of.spread))
         labels = zip(self.partition.labels, informed, strict=True)
         return replace(varying, labels=tuple(label for label, is_informed in labels if is_informed))
 

@@ -95,7 +95,7 @@ def _refine_change_times(drive: DriveData, times: list[float]) -> list[float]:
     order = np.argsort(drive.t_s, kind="stable")
     t_s = drive.t_s[order]
     bounds = [t_s[0], *times, t_s[-1]]
-    found = []
+    refined = []
     for number, time in enumerate(times):
         low, high = (bounds[number] + time) / 2, (bounds[number + 2] + time) / 2
         rows = order[(t_s >= low) & (t_s < high)]
@@ -104,8 +104,8 @@ def _refine_change_times(drive: DriveData, times: list[float]) -> list[float]:
             curve = burckhardt.adhesion(slip[rows], c1, np.exp(log_c2), c3)
             squares.append((adhesion[rows] - curve) ** 2)
         cost = np.cumsum(squares[0] - squares[1])
-        found.append(float(drive.t_s[rows[int(np.argmin(cost))]]) if len(rows) else time)
-    return sorted(found)
+        refined.append(float(drive.t_s[rows[int(np.argmin(cost))]]) if len(rows) else time)
+    return sorted(refined)
 
 
 def _thin_rows(drive: DriveData) -> DriveData:
@@ -142,12 +142,12 @@ def fit_start_curves(data: RegressionData) -> SegmentCurves:
 
 def _fit_curve(data: RegressionData, number: int) -> Array:
     """(c1, ln c2, c3) of one surface by the fit of `identify` to some of its rows, shape (3,)."""
-    own = np.flatnonzero(data.surface == number)
-    if len(own) < LEAST_CURVE_ROWS:
+    rows = np.flatnonzero(data.surface == number)
+    if len(rows) < LEAST_CURVE_ROWS:
         c1, c2, c3 = DEFAULT_CURVE
         return np.array([c1, np.log(c2), c3])
-    own = own[:: max(len(own) // MOST_CURVE_ROWS, 1)]
-    estimate = fit(Samples.curve(data.observed("slip")[own], data.observed("adhesion")[own]))
+    rows = rows[:: max(len(rows) // MOST_CURVE_ROWS, 1)]
+    estimate = fit(Samples.curve(data.observed("slip")[rows], data.observed("adhesion")[rows]))
     return np.array([estimate.c1, np.log(max(estimate.c2, 1.0)), estimate.c3])
 
 

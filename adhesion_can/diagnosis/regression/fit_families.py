@@ -20,13 +20,13 @@ def fit_family_curves(data: RegressionData, family: CurveFamily) -> SegmentCurve
     slip, adhesion, speed, load = map(data.observed, names)
     known = np.concatenate([np.full(len(drive), drive.has_load) for drive in data.drives])
     conditions = Conditions(speed, np.where(known, load, np.nan))
-    found = []
+    parameters = []
     for number in range(data.surfaces):
         rows = np.flatnonzero(data.surface == number)
         if len(rows) < LEAST_ROWS:
-            found.append([p.typical for p in family.parameters])
+            parameters.append([p.typical for p in family.parameters])
             continue
         rows = rows[:: max(len(rows) // MOST_ROWS, 1)]
         points = CurvePoints.exact(slip[rows], adhesion[rows], conditions.select(rows))
-        found.append(fit_values(points, family)[0].tolist())
-    return SegmentCurves.from_parameters(family, np.array(found, dtype=np.float64))
+        parameters.append(fit_values(points, family)[0].tolist())
+    return SegmentCurves.from_parameters(family, np.array(parameters, dtype=np.float64))

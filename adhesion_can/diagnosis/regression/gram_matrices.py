@@ -59,8 +59,8 @@ class BlockGramMatrices:
         if speed_error_design is not None and speed_error_design.shape[1]:
             errors = [speed_error_design[rows] for rows in blocks]
             cross = np.array([e.T @ part for e, part in zip(errors, parts, strict=True)])
-            own = np.array([e.T @ e for e in errors]) + np.eye(speed_error_design.shape[1])
-            matrices -= cross.transpose(0, 2, 1) @ np.linalg.solve(own, cross)
+            error_grams = np.array([e.T @ e for e in errors]) + np.eye(speed_error_design.shape[1])
+            matrices -= cross.transpose(0, 2, 1) @ np.linalg.solve(error_grams, cross)
         return cls(matrices, (ends - starts).astype(np.float64))
 
     @property

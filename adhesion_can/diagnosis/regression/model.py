@@ -127,8 +127,8 @@ def evaluate_model(
         [None] * len(data.drives) if slip_correction is None else data.split(slip_correction)
     )
     parts = [
-        _apply_effects(drive, active_effects, own)
-        for drive, own in zip(data.drives, corrections, strict=True)
+        _apply_effects(drive, active_effects, correction)
+        for drive, correction in zip(data.drives, corrections, strict=True)
     ]
     adhesion, slip, factor, speed, load = (
         np.concatenate(column) for column in zip(*parts, strict=True)

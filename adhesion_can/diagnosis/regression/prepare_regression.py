@@ -180,14 +180,14 @@ def _scale_speed_errors(regression: WhitenedRegression, residual: Array) -> Whit
     scaled = design * regression.scale[:, None]
     std = regression.speed_error_std.copy()
     for number in range(len(data.drives)):
-        own = data.drive_number == number
-        block = np.where(own & regression.used, regression.block, EXCLUDED)
+        drive_rows = data.drive_number == number
+        block = np.where(drive_rows & regression.used, regression.block, EXCLUDED)
         if not std[number]:
             continue
         factor = estimate_speed_error_scale(residual * regression.scale, scaled, block)
         # What the readings rule out is no error of theirs, however much it looks like one.
         factor = min(factor, data.drives[number].speed_error.largest_std / std[number])
-        design[own] *= factor
+        design[drive_rows] *= factor
         std[number] *= factor
     return replace(regression, speed_error_design=design, speed_error_std=std)
 

@@ -39,11 +39,11 @@ def estimate_speed_error_scale(residual: Array, design: Array, block: NDArray[np
     rows = rows[np.argsort(block[rows], kind="stable")]
     starts = np.unique(block[rows], return_index=True)[1]
     squares, parts = [], []
-    for own in np.split(rows, starts[1:]):
-        values, vectors = np.linalg.eigh(design[own].T @ design[own])
+    for block_rows in np.split(rows, starts[1:]):
+        values, vectors = np.linalg.eigh(design[block_rows].T @ design[block_rows])
         kept = values > LEAST_SQUARE
         squares.append(values[kept])
-        parts.append(vectors.T[kept] @ (design[own].T @ residual[own]))
+        parts.append(vectors.T[kept] @ (design[block_rows].T @ residual[block_rows]))
     square, part = np.concatenate(squares), np.concatenate(parts)
     # What is orthogonal to every error of the speed is the rows' own noise.
     freedom = len(rows) - len(square)
@@ -61,5 +61,5 @@ def estimate_speed_error_scale(residual: Array, design: Array, block: NDArray[np
         return float(np.sum(np.log(variance) - explained)) + usual
 
     limit = float(np.log(LARGEST_FACTOR))
-    found = scipy.optimize.minimize_scalar(unlikeliness, bounds=(-limit, limit), method="bounded")
-    return float(np.exp(found.x))
+    optimum = scipy.optimize.minimize_scalar(unlikeliness, bounds=(-limit, limit), method="bounded")
+    return float(np.exp(optimum.x))

@@ -111,7 +111,7 @@ class WhitenedRegression:
     def last_fit(self) -> "WhitenedRegression":
         """The regression of what is reported: all rows but those of drives held out whole."""
         parts = self.data.split(self.block)
-        return self if any((own < 0).all() for own in parts if len(own)) else self.all_data
+        return self if any((block < 0).all() for block in parts if len(block)) else self.all_data
 
     @property
     def held_out(self) -> "WhitenedRegression":

@@ -19,8 +19,8 @@ def _imported_when_called(module: str, factory: str) -> MakeBaseline:
     """Class or function of a module of this folder, imported when called: few commands need one."""
 
     def make(evolution: EvolutionSettings, limits: IdentifiabilitySettings) -> Estimator:
-        found: MakeBaseline = getattr(import_module(f"{__name__}.{module}"), factory)
-        return found(evolution, limits)
+        make_baseline: MakeBaseline = getattr(import_module(f"{__name__}.{module}"), factory)
+        return make_baseline(evolution, limits)
 
     return make
 

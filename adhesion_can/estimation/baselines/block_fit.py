@@ -102,8 +102,8 @@ def evolution_estimator(
 
     def fit_block(block: Samples, last: Estimate | None, rng: np.random.Generator) -> Estimate:
         del last
-        found = search(*block.folded(), unused, ordinary, rng)
-        return assess(found.theta, found.cost, block, identifiability)
+        optimum = search(*block.folded(), unused, ordinary, rng)
+        return assess(optimum.theta, optimum.cost, block, identifiability)
 
     return BlockEstimator(settings.block, identifiability, fit_block, rng)
 
@@ -130,7 +130,7 @@ def scipy_evolution_estimator(
         del last
         h, z = block.folded()
         objective = Objective(h, z)
-        found = scipy.optimize.differential_evolution(
+        optimum = scipy.optimize.differential_evolution(
             lambda columns: objective(columns.T),
             bounds,
             # SciPy's population is a multiple of the three parameters.
@@ -143,7 +143,7 @@ def scipy_evolution_estimator(
             # `rng` since SciPy 1.15; later versions still accept the older name.
             seed=rng,
         )
-        return assess(found.x, sum_of_squares(found.x, h, z), block, identifiability)
+        return assess(optimum.x, sum_of_squares(optimum.x, h, z), block, identifiability)
 
     rng = np.random.default_rng(settings.seed)
     return BlockEstimator(settings.block, identifiability, fit_block, rng)

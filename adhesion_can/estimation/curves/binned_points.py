@@ -83,7 +83,7 @@ def build_points(binned: BinnedSamples, theta: CurveParameters) -> BinnedPoints:
     """
     count = binned.sums[COUNT]
     rows_of_means = (SLIP, ADHESION, SPEED, LOAD, SLIP_VAR, ADHESION_VAR, SLIP_SQUARE)
-    slip, adhesion, speed, load, var, own, square = (
+    slip, adhesion, speed, load, var, adhesion_var, square = (
         binned.sums[row] / count for row in rows_of_means
     )
     true_slip = slip + var * _density_slope(binned, slip)
@@ -98,7 +98,7 @@ def build_points(binned: BinnedSamples, theta: CurveParameters) -> BinnedPoints:
         true_slip[rows],
         np.minimum(scatter, 0.9 * true_slip)[rows],
         adhesion[rows],
-        (count / (own + slope * slope * var))[rows],
+        (count / (adhesion_var + slope * slope * var))[rows],
         Conditions(speed[rows], load[rows]),
     )
 

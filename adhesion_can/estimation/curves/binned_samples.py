@@ -74,8 +74,8 @@ EMPTY = BinnedSamples(np.empty(0, dtype=np.int64), np.empty((SLIP_SQUARE + 1, 0)
 
 def join_binned(parts: Sequence[BinnedSamples]) -> BinnedSamples:
     """Several as one."""
-    place, member = np.unique(np.concatenate([one.place for one in parts]), return_inverse=True)
-    both = np.concatenate([one.sums for one in parts], axis=1)
+    place, member = np.unique(np.concatenate([part.place for part in parts]), return_inverse=True)
+    both = np.concatenate([part.sums for part in parts], axis=1)
     sums = np.stack([np.bincount(member, values, len(place)) for values in both])
     # np.bincount of nothing counts as integers.
     return BinnedSamples(place, np.asarray(sums, dtype=np.float64))

@@ -128,7 +128,7 @@ def fit_from_starts(points: BinnedPoints, family: CurveFamily, inflation: float)
         fit_posterior(points, family, to_coordinates(values), inflation)
         for values in sorted(starts, key=cost)[:2]
     ]
-    return min(fits, key=lambda one: one.cost)
+    return min(fits, key=lambda fit: fit.cost)
 
 
 def weigh_families(fits: Sequence[NormalPosterior]) -> Mapping[str, float]:

@@ -131,7 +131,7 @@ def fit_values(
         starts = family.starts(points.slip, points.adhesion, points.conditions)
     weights = points.count
     tried = [_minimise(points, family, weights, np.array(start)) for start in starts]
-    values, _ = min(tried, key=lambda found: found[1])
+    values, _ = min(tried, key=lambda attempt: attempt[1])
     noise_var = noise_variance(points, family, values)
     if points.slip_var.any():
         for _ in range(REWEIGHTINGS):

@@ -125,7 +125,7 @@ def compare_families(
         for family in families
     ]
     held_out = [_HeldOut.build(samples, fit, plan) for fit in fits]
-    densities = np.stack([one.log_density for one in held_out])
+    densities = np.stack([score.log_density for score in held_out])
     best = int(np.argmax(densities.mean(axis=1)))
     factor = 1.0
     if not independent:

@@ -93,7 +93,7 @@ class FamilyComparison(Value):
     @property
     def leader(self) -> NormalPosterior:
         """Most probable family."""
-        return max(self.fits, key=lambda one: self.probability[one.family.name])
+        return max(self.fits, key=lambda fit: self.probability[fit.family.name])
 
     def level_error(
         self, binned: BinnedSamples, theta: CurveParameters, steepest: float = inf
@@ -182,7 +182,7 @@ class FamilyTracker(Stateful):
             self._fits[family.name] = self._fit(points, family, anew=anew)
         fits = tuple(self._fits.values())
         probability = weigh_families(fits)
-        leader = max(fits, key=lambda one: probability[one.family.name])
+        leader = max(fits, key=lambda fit: probability[fit.family.name])
         self._inflation = _inflation(leader, points, binned, blocks)
         predicted = points.predict(leader.family, leader.values)
         residual = points.adhesion - predicted
@@ -198,7 +198,7 @@ class FamilyTracker(Stateful):
             fits.append(fit_posterior(points, family, known.mode, self._inflation))
         if anew or known is None:
             fits.append(fit_from_starts(points, family, self._inflation))
-        return min(fits, key=lambda one: one.cost)
+        return min(fits, key=lambda fit: fit.cost)
 
 
 def _inflation(

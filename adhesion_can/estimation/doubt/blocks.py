@@ -235,16 +235,16 @@ class BlockSeries(Stateful):
         self.blocks = self.blocks[:place]
         reduced = self.reduced(curve)
         grams, scores = reduced.grams[:place], reduced.scores[:place]
-        own, rest = slice(0, TANGENTS), slice(TANGENTS, None)
+        tangents, rest = slice(0, TANGENTS), slice(TANGENTS, None)
         gram, score = grams.sum(axis=0), scores.sum(axis=0)
-        inverse = np.linalg.pinv(gram[own, own], hermitian=True)
-        onto, change = inverse @ gram[own, rest], inverse @ score[own]
+        inverse = np.linalg.pinv(gram[tangents, tangents], hermitian=True)
+        onto, change = inverse @ gram[tangents, rest], inverse @ score[tangents]
         changes = linearise(curve).changes
         for gram, score, block in zip(grams, scores, self.blocks, strict=True):
             left = _project_out(gram, onto)
             diluted = _project_out(_in_changes(block.dilution, changes), onto)
-            at_fit = score - gram[:, own] @ change
-            score_left = at_fit[rest] - onto.T @ at_fit[own]
+            at_fit = score - gram[:, tangents] @ change
+            score_left = at_fit[rest] - onto.T @ at_fit[tangents]
             for matrix in (left, diluted):
                 matrix[self._per_surface], matrix[:, self._per_surface] = 0.0, 0.0
             score_left[self._per_surface] = 0.0
@@ -266,11 +266,11 @@ def _in_changes(gram: Array, changes: Array) -> Array:
     onto = changes.T @ gram[:SIZE]
     edge = onto[:, SIZE:]
     size = CURVE + edge.shape[1]
-    found = np.empty((size, size))
-    found[:CURVE, :CURVE] = onto[:, :SIZE] @ changes
-    found[:CURVE, CURVE:], found[CURVE:, :CURVE] = edge, edge.T
-    found[CURVE:, CURVE:] = gram[SIZE:, SIZE:]
-    return found
+    gram_in_changes = np.empty((size, size))
+    gram_in_changes[:CURVE, :CURVE] = onto[:, :SIZE] @ changes
+    gram_in_changes[:CURVE, CURVE:], gram_in_changes[CURVE:, :CURVE] = edge, edge.T
+    gram_in_changes[CURVE:, CURVE:] = gram[SIZE:, SIZE:]
+    return gram_in_changes
 
 
 def _project_out(gram: Array, onto: Array) -> Array:
@@ -281,15 +281,17 @@ def _project_out(gram: Array, onto: Array) -> Array:
         onto: Regression of the others on the tangents, shape (TANGENTS, k).
 
     """
-    own, rest = slice(0, TANGENTS), slice(TANGENTS, None)
-    crossed = gram[rest, own] @ onto
-    return np.asarray(gram[rest, rest] - crossed - crossed.T + onto.T @ gram[own, own] @ onto)
+    tangents, rest = slice(0, TANGENTS), slice(TANGENTS, None)
+    crossed = gram[rest, tangents] @ onto
+    return np.asarray(
+        gram[rest, rest] - crossed - crossed.T + onto.T @ gram[tangents, tangents] @ onto
+    )
 
 
 def _merge_neighbours(blocks: Sequence[BlockSums]) -> list[BlockSums]:
     """Blocks two by two, the odd one at the end as it is."""
     pairs = zip(blocks[0::2], blocks[1::2], strict=False)
-    merged = [one.joined(other) for one, other in pairs]
+    merged = [earlier.joined(later) for earlier, later in pairs]
     return merged + list(blocks[len(merged) * 2 :])
 
 

@@ -56,13 +56,13 @@ def compute_doubt_share(
 
     """
     settings, directions = doubt or DoubtSettings(), build_directions(axles)
-    found = list[bool]()
+    doubts = list[bool]()
     pooled = pool_blocks(samples, start, axles, slip_max, changes_us=changes_us, noise=noise)
     for number, (series, curve) in enumerate(pooled, start=1):
         if number % EVERY == 0 and len(series) >= FEWEST_BLOCKS:
             selection = select_directions(series.reduced(curve), directions, settings)
-            found.append(selection.doubt is not Doubt.NONE)
-    return sum(found) / len(found) if found else None
+            doubts.append(selection.doubt is not Doubt.NONE)
+    return sum(doubts) / len(doubts) if doubts else None
 
 
 def pool_blocks(

@@ -74,10 +74,10 @@ def fit_jointly(
     # What errors of the slips add counts here: without it a coefficient may have less than none.
     whole = gram + blocks.dilution
     chosen = [k for k in coefficients if whole[k, k] > 0.0]
-    own = np.ix_(chosen, chosen)
+    among_chosen = np.ix_(chosen, chosen)
     precision = [_prior_precision(k, directions, prior_std) * inflation for k in chosen]
-    dilution = blocks.dilution[own]
-    seen = whole[own] + np.diag(precision)
+    dilution = blocks.dilution[among_chosen]
+    seen = whole[among_chosen] + np.diag(precision)
     scale = np.sqrt(np.maximum(seen.diagonal(), 1e-300))
     seen = seen / scale / scale[:, None] + 1e-9 * np.eye(len(chosen))
     inverse = np.linalg.inv(_corrected(seen, dilution / scale / scale[:, None]))

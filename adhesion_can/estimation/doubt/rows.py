@@ -121,12 +121,12 @@ class RowBuilder(Stateful):
         rest = np.clip(c1 - c3 * size - np.abs(samples.adhesion), 0.0, c1)
         by_adhesion = (c2 * rest - c3) ** 2
         slip_var = samples.slip_total_var
-        own = noise_std * noise_std + samples.transient_var
-        weight = 1.0 / (own + by_adhesion * slip_var)
+        adhesion_var = noise_std * noise_std + samples.transient_var
+        weight = 1.0 / (adhesion_var + by_adhesion * slip_var)
         # Of the level's expected square, the vehicle speed's error is common to a group.
         by_level = (1.0 - decay) * sign
         along = weight * by_level
-        private = float(np.sum(along * along * (own + by_adhesion * samples.slip_var)))
+        private = float(np.sum(along * along * (adhesion_var + by_adhesion * samples.slip_var)))
         _, member = np.unique(samples.speed_us, return_inverse=True)
         common = np.bincount(member, along * slope * np.sqrt(samples.slip_common_var))
         return Rows(
@@ -178,9 +178,9 @@ class RowBuilder(Stateful):
         }
         for axle in range(1, self._axles + 1):
             # Against the mean of all axles.
-            own = (samples.axle == axle) - 1.0 / self._axles
-            errors[f"{RADIUS} {axle}"] = _times(own, scaled)
-            factors[f"{LEVEL} {axle}"] = own
+            against_mean = (samples.axle == axle) - 1.0 / self._axles
+            errors[f"{RADIUS} {axle}"] = _times(against_mean, scaled)
+            factors[f"{LEVEL} {axle}"] = against_mean
         return factors, errors, present
 
     def _slip_work(self, samples: Samples, time_s: Array, curve: "_Curve") -> dict[str, Array]:
@@ -232,17 +232,17 @@ def _rates(samples: Samples, time_s: Array) -> _Rates:
     axle, at = samples.axle[order], time_s[order]
     # First and last row of the axle of each row: windows end there.
     first, last = np.searchsorted(axle, axle), np.searchsorted(axle, axle, "right") - 1
-    own = np.arange(len(axle))
+    row = np.arange(len(axle))
 
     def neighbours(step: int) -> NDArray[np.int64]:
-        return np.minimum(np.maximum(own + step, first), last)
+        return np.minimum(np.maximum(row + step, first), last)
 
     half, sorted_signals = SMOOTH // 2, signals[:, order]
     window = [sorted_signals[:, neighbours(step)] for step in range(-half, half + 1)]
     smooth = np.mean(window, axis=0)
     before, after = neighbours(-1), neighbours(1)
     elapsed = at[after] - at[before]
-    falls = np.bincount(first, (at - at[before] <= 0.0) & (own > first), len(axle))[first] > 0
+    falls = np.bincount(first, (at - at[before] <= 0.0) & (row > first), len(axle))[first] > 0
     good = (last - first >= SMOOTH) & ~falls
     rates = np.zeros_like(signals)
     steps = smooth[:, after] - smooth[:, before]

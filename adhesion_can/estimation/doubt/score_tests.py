@@ -63,20 +63,20 @@ def compute_score_tests(blocks: ReducedBlocks, estimated: Sequence[int]) -> Scor
     grams, scores = blocks.grams, blocks.scores
     gram = grams.sum(axis=0)
     whole = gram.diagonal()
-    own = [k for k in estimated if whole[k] > 0.0]
-    inner = gram[np.ix_(own, own)] + np.diag(_RIDGE * whole[own])
+    fitted = [k for k in estimated if whole[k] > 0.0]
+    inner = gram[np.ix_(fitted, fitted)] + np.diag(_RIDGE * whole[fitted])
     inverse = np.linalg.inv(inner)
-    change, onto = inverse @ scores.sum(axis=0)[own], inverse @ gram[own]
-    residual = scores - grams[:, :, own] @ change
-    left = residual - residual[:, own] @ onto
+    change, onto = inverse @ scores.sum(axis=0)[fitted], inverse @ gram[fitted]
+    residual = scores - grams[:, :, fitted] @ change
+    left = residual - residual[:, fitted] @ onto
     by_block = (
         np.einsum("bkk->bk", grams)
-        - 2.0 * np.einsum("bka,ak->bk", grams[:, :, own], onto)
-        + np.einsum("ak,bak->bk", onto, grams[:, own][:, :, own] @ onto)
+        - 2.0 * np.einsum("bka,ak->bk", grams[:, :, fitted], onto)
+        + np.einsum("ak,bak->bk", onto, grams[:, fitted][:, :, fitted] @ onto)
     )
     information = by_block.sum(axis=0)
     testable = (whole > 0.0) & (information > LEAST_INFORMATION * whole)
-    testable[own] = False
+    testable[fitted] = False
     information = np.where(testable, information, 1.0)
     size = left.sum(axis=0) / information
     share = np.clip(by_block / information, 0.0, 1.0)
@@ -138,8 +138,8 @@ def select_directions(
         best = int(np.argmin(p_value))
         if p_value[best] > settings.false_alarm:
             break
-        added, name, found = _group(best, directions)
-        doubt = doubt or found
+        added, name, direction_doubt = _group(best, directions)
+        doubt = doubt or direction_doubt
         names.append(name)
         coefficients += [k for k in added if k not in coefficients]
     return Selection(doubt, tuple(names), tuple(coefficients))

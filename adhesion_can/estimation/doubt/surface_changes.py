@@ -58,12 +58,15 @@ def _is_change(
     after = slice(place, reduced.current)
     gram, score = reduced.grams.sum(axis=0), reduced.scores.sum(axis=0)
     known = [k for k in range(len(gram)) if gram[k, k] > 0.0 and not _is_time(k, directions)]
-    own = reduced.grams[after].sum(axis=0)[:TANGENTS]
+    later_gram = reduced.grams[after].sum(axis=0)[:TANGENTS]
     size = len(known) + TANGENTS
     inner, right = np.zeros((size, size)), np.zeros(size)
     inner[:-TANGENTS, :-TANGENTS], right[:-TANGENTS] = gram[np.ix_(known, known)], score[known]
-    inner[-TANGENTS:, :-TANGENTS], inner[-TANGENTS:, -TANGENTS:] = own[:, known], own[:, :TANGENTS]
-    inner[:-TANGENTS, -TANGENTS:] = own[:, known].T
+    inner[-TANGENTS:, :-TANGENTS], inner[-TANGENTS:, -TANGENTS:] = (
+        later_gram[:, known],
+        later_gram[:, :TANGENTS],
+    )
+    inner[:-TANGENTS, -TANGENTS:] = later_gram[:, known].T
     right[-TANGENTS:] = reduced.scores[after].sum(axis=0)[:TANGENTS]
     ridge = [INFLATION * _precision(k, directions) for k in known]
     inner += np.diag([*ridge, *[0.0] * TANGENTS])

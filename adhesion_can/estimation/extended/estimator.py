@@ -280,8 +280,8 @@ def scale_estimate(
     mu_std, lambda_std = mu_std_share * mu_max, lambda_std_share * lambda_m
     pooled = (peaks.mu_max, peaks.lambda_m)
     per_axle = {
-        axle: (own[0] * to[0] / base.mu_max, own[1] * to[1] / base.lambda_m)
-        for axle, own in base.per_axle.items()
+        axle: (axle_peak[0] * to[0] / base.mu_max, axle_peak[1] * to[1] / base.lambda_m)
+        for axle, axle_peak in base.per_axle.items()
         if base.mu_max > 0.0 and base.lambda_m > 0.0
         for to in (peaks.axles.get(axle, pooled),)
     }

@@ -99,9 +99,9 @@ class ExtendedModel:
             require_values(active)
             if self.curve is not None:
                 require_covariance(self.curve.covariance, len(active.values))
-        for one, other in pairwise(sorted(map(_identity, self.effects))):
-            if one == other:
-                raise ValueError(f"{one[0]} is given twice")
+        for identity, following in pairwise(sorted(map(_identity, self.effects))):
+            if identity == following:
+                raise ValueError(f"{identity[0]} is given twice")
 
     @property
     def instruments(self) -> Instruments:
@@ -178,8 +178,8 @@ class ExtendedModel:
 
     def covariance_of(self, active: ActiveEffect) -> Array:
         """Covariance of an effect's parameters, shape (k, k); zeros where it is not known."""
-        for own, covariance in zip(self.effects, self.covariances, strict=True):
-            if own is active and covariance is not None:
+        for effect, covariance in zip(self.effects, self.covariances, strict=True):
+            if effect is active and covariance is not None:
                 return np.array(covariance)
         if active.effect.id == CURVE_SHAPE and self.curve is not None and self.curve.covariance:
             return np.array(self.curve.covariance)

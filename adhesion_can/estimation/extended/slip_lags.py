@@ -95,7 +95,7 @@ class _Cycle:
         stamps = sorted(set(stamps_us.tolist()))
         before = stamps[0] if self._latest_us is None else self._latest_us
         self._steps_us += [
-            step for one, other in pairwise([before, *stamps]) if (step := other - one) > 0
+            step for earlier, later in pairwise([before, *stamps]) if (step := later - earlier) > 0
         ]
         self._latest_us = stamps[-1]
         self._cycle_s = 1e-6 * median(self._steps_us) if self._steps_us else 0.0

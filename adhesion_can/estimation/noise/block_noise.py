@@ -96,14 +96,14 @@ def _vehicle_speed(samples: Samples) -> tuple[Ratio, Ratio]:
         return UNKNOWN, UNKNOWN
     speed, share = samples.speed[rows], float(samples.speed_share[rows].mean())
     stated = samples.slip_common_var[rows] * (speed / (1.0 + samples.slip[rows])) ** 2
-    one = np.zeros(len(rows), dtype=np.int64)
+    no_axle = np.zeros(len(rows), dtype=np.int64)
     # A mixture of the errors of two frames: (1 − s) e_k + s e_(k+1).
     mixed = np.convolve(_WEIGHTS, [share, 1.0 - share])
     gain = float(mixed @ mixed) / _SQUARE
     mean = share * share + (1.0 - share) ** 2
     t_us = samples.t_us[rows]
-    near = _ratio(t_us, one, speed, gain * stated, ORDER, 1)
-    return near, _ratio(t_us, one, speed, mean * stated, FAR_ORDER, LONG)
+    near = _ratio(t_us, no_axle, speed, gain * stated, ORDER, 1)
+    return near, _ratio(t_us, no_axle, speed, mean * stated, FAR_ORDER, LONG)
 
 
 def _ratio(

@@ -68,10 +68,10 @@ def combine_blocks(blocks: Iterable[BlockNoise], settings: NoiseSettings) -> Noi
         settings: Weight of the configuration, and limits of the factors.
 
     """
-    found = list(blocks)
+    all_blocks = list(blocks)
 
     def factor(part: Callable[[BlockNoise], Ratio]) -> float:
-        ratios = np.array([ratio for one in found if isfinite((ratio := part(one)).value)])
+        ratios = np.array([ratio for block in all_blocks if isfinite((ratio := part(block)).value)])
         if not len(ratios):
             return 1.0
         value, freedom = ratios.T
@@ -82,12 +82,12 @@ def combine_blocks(blocks: Iterable[BlockNoise], settings: NoiseSettings) -> Noi
         believed = exp(weight * log(max(shown, 1e-12)))
         return min(max(believed, settings.smallest**2), settings.largest**2)
 
-    common = factor(lambda one: one.common)
+    common = factor(lambda block: block.common)
     # Errors that last show less between neighbours than they are: none is taken for small
     # whose changes over a longer time are not.
-    slow = min(factor(lambda one: one.common_long), 1.0)
+    slow = min(factor(lambda block: block.common_long), 1.0)
     return NoiseFactors(
-        factor(lambda one: one.private), max(common, slow), factor(lambda one: one.adhesion)
+        factor(lambda block: block.private), max(common, slow), factor(lambda block: block.adhesion)
     )
 
 

@@ -161,12 +161,12 @@ class EffortWatch(Stateful):
         moves = np.abs(level) > REFERENCE_SPAN
         self._level_reference = np.where(moves, self._level, self._level_reference)
         level = self._level_reference + np.where(moves, 0.0, _shrunk(level, 2.0 * shared))
-        own = self._own - self._own_reference
-        moves = np.abs(own) > REFERENCE_SPAN
+        deviation = self._own - self._own_reference
+        moves = np.abs(deviation) > REFERENCE_SPAN
         self._own_reference = np.where(moves, self._own, self._own_reference)
         threshold = 3.0 * scatter * np.sqrt(dt / OWN_S / 2.0)
-        own = self._own_reference + np.where(moves, 0.0, _shrunk(own, threshold))
-        return np.asarray(level + own)
+        deviation = self._own_reference + np.where(moves, 0.0, _shrunk(deviation, threshold))
+        return np.asarray(level + deviation)
 
 
 def _shrunk(values: Array, threshold: Array) -> Array:

@@ -63,8 +63,8 @@ class AxleRows(Stateful):
         ]
         columns = (samples.t_us, rim, samples.adhesion, samples.load, *aids)
         of_axle = zip(*(column.tolist() for column in columns), strict=True)
-        for axle, one in zip(samples.axle.tolist(), of_axle, strict=True):
-            self._waiting[axle - 1].append(one)
+        for axle, values in zip(samples.axle.tolist(), of_axle, strict=True):
+            self._waiting[axle - 1].append(values)
         self._forget_old()
         rows = []
         while all(self._waiting):
@@ -75,9 +75,9 @@ class AxleRows(Stateful):
                 for queue in old:
                     queue.popleft()
                 continue
-            found = np.array([queue.popleft() for queue in self._waiting])
-            t_us = float(found[:, 0].mean())
-            rows.append(SampleRow(t_us, *found[:, 1:4].T.copy(), *self._fresh(found[:, 4:])))
+            matched = np.array([queue.popleft() for queue in self._waiting])
+            t_us = float(matched[:, 0].mean())
+            rows.append(SampleRow(t_us, *matched[:, 1:4].T.copy(), *self._fresh(matched[:, 4:])))
         return rows
 
     def _forget_old(self) -> None:

@@ -85,13 +85,13 @@ class ObservedSpeedEstimator(ReplacingStage):
     def _use(self, samples: Samples) -> Samples:
         """Samples for the estimator; with the first known slips it starts again."""
         parts: list[Samples] = []
-        for found in self._observer.add(samples):
-            if found.is_known and not self._has_begun:
+        for observed in self._observer.add(samples):
+            if observed.is_known and not self._has_begun:
                 self.inner, self._has_begun = self._maker.make(), True
                 parts = []
-            if found.is_known or not self._has_begun:
-                parts.append(found.samples)
-            if found.is_known:
+            if observed.is_known or not self._has_begun:
+                parts.append(observed.samples)
+            if observed.is_known:
                 self._objection = Objection.NONE
         block = self._observer.block
         if block is not None and block.objection is not Objection.NONE:

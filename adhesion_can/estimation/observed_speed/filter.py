@@ -141,8 +141,8 @@ class ObservedSpeedFilter(Stateful):
         last = rim if self._last_rim is None else self._last_rim
         self._last_rim = rim
         # An effort as it is measured still contains what accelerates the wheelset itself.
-        own = self._own_inertia / self._radius**2 * (rim - last) / dt
-        force = effort - own
+        inertial = self._own_inertia / self._radius**2 * (rim - last) / dt
+        force = effort - inertial
         noise = settings.effort_std / float(np.sqrt(samples))
         axles = self._efforts.update(force / load, dt, noise)
         if self.state is None:
@@ -268,10 +268,10 @@ class ObservedSpeedFilter(Stateful):
         P = state.covariance[:, layout.slips, layout.slips]
         slip = slip + np.sqrt(np.mean(np.diagonal(P, axis1=1, axis2=2), axis=1))
         # An axle with a larger slip than the others is nearer to its peak, on a steeper curve.
-        own = np.abs(x[:, layout.slips]) / np.maximum(slip, 1e-4)[:, None]
-        own = np.maximum(own, 1.0) ** 2
+        relative_slip = np.abs(x[:, layout.slips]) / np.maximum(slip, 1e-4)[:, None]
+        relative_slip = np.maximum(relative_slip, 1.0) ** 2
         steep = self._motion.steepness(state, slip[:, None])
-        R = (s.level_std * steep * slip[:, None] * own + 1e-4) ** 2
+        R = (s.level_std * steep * slip[:, None] * relative_slip + 1e-4) ** 2
         error = -(H @ x[:, :, None])[:, :, 0]
         noise = np.where(pulled, R, 1.0)
         state.update(H, np.where(pulled, error, 0.0), noise)

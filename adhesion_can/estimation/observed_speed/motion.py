@@ -157,14 +157,14 @@ class Motion(Stateful):
         self._pending = self._pending + np.log(ratio)
         P[:, slips, slips] *= turned[:, :, None] * turned[:, None, :]
         way = np.median(self._pending, axis=1, keepdims=True)
-        own = self._pending - way
+        axle_way = self._pending - way
         way = np.where(np.abs(way) > LARGE_CHANGE, way, 0.0)
-        own = np.where(np.abs(own) > LARGE_CHANGE, own, 0.0)
-        self._pending = self._pending - way - own
-        if not (way.any() or own.any()):
+        axle_way = np.where(np.abs(axle_way) > LARGE_CHANGE, axle_way, 0.0)
+        self._pending = self._pending - way - axle_way
+        if not (way.any() or axle_way.any()):
             return
         n = self._layout.axles
-        apart = np.abs(move(x[:, slips], half, np.exp(own)).slip - x[:, slips])
+        apart = np.abs(move(x[:, slips], half, np.exp(axle_way)).slip - x[:, slips])
         apart = np.minimum(apart, s.initial_slip)
         P[:, slips, slips] += apart[:, :, None] ** 2 * np.eye(n)
         # A slip that was estimated as too small would make its own change look certain.

@@ -74,11 +74,11 @@ def fit_ramps(samples: RampSamples, axle: int, noise: float) -> RampCurve | None
 
     """
     level = _common_level(samples)
-    own = samples.adhesion[:, axle] / level
-    top = float(np.median(own[own > 0.5 * np.quantile(own, 0.9)]))
+    relative = samples.adhesion[:, axle] / level
+    top = float(np.median(relative[relative > 0.5 * np.quantile(relative, 0.9)]))
     if top <= 0:
         return None
-    free, held = own < SHARE_FREE * top, own > SHARE_HELD * top
+    free, held = relative < SHARE_FREE * top, relative > SHARE_HELD * top
     if min(free.sum(), held.sum(), (~free & ~held).sum()) < LEAST_EACH:
         return None
     apart = samples.log_rim[:, axle] - samples.log_rim[:, samples.others].mean(axis=1)
@@ -86,9 +86,9 @@ def fit_ramps(samples: RampSamples, axle: int, noise: float) -> RampCurve | None
     costs = np.full(len(GRID), np.inf)
     halves = np.full(len(GRID), np.nan)
     for k, steep in enumerate(GRID):
-        found = _residual(samples, apart, level, free, held, axle, float(steep))
-        if found is not None:
-            halves[k], costs[k] = found
+        half_and_cost = _residual(samples, apart, level, free, held, axle, float(steep))
+        if half_and_cost is not None:
+            halves[k], costs[k] = half_and_cost
     if not np.isfinite(costs).any():
         return None
     white = max(noise**2, float(costs.min()) / max(int((~free).sum()) - 2, 1))

@@ -89,7 +89,7 @@ class RampWatch(Stateful):
     def _cut(
         self, drive: int, start_s: float, sign: float, others: list[int], slip: Array
     ) -> RampSamples:
-        chosen = [one for one in self._samples if one.time_s >= start_s]
-        rim = np.array([one.rim[drive] for one in chosen])
-        adhesion = np.array([one.adhesion[drive] for one in chosen])
+        chosen = [sample for sample in self._samples if sample.time_s >= start_s]
+        rim = np.array([sample.rim[drive] for sample in chosen])
+        adhesion = np.array([sample.adhesion[drive] for sample in chosen])
         return RampSamples(np.log(np.maximum(rim, 1e-3)), sign * adhesion, others, slip[drive])

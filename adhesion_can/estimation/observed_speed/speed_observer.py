@@ -109,10 +109,10 @@ class SpeedObserver(Stateful):
         if len(waiting) and waiting.t_us[-1] - waiting.t_us[0] > LONGEST_WAIT_US:
             waiting = waiting.select(waiting.t_us >= waiting.t_us[-1] - LONGEST_WAIT_US)
         self._waiting = waiting
-        found = []
+        observed = []
         for row in self._rows.add(samples):
-            found += self._take(row)
-        return found
+            observed += self._take(row)
+        return observed
 
     def expire(self, now_us: int) -> None:
         """Forget the speed if no row of all axles has come for too long."""
@@ -127,7 +127,7 @@ class SpeedObserver(Stateful):
     def _take(self, row: SampleRow) -> list[ObservedSamples]:
         """Take a row in; one that was lost is bridged by that after it."""
         cycle_us = self._setup.cycle_us
-        found = []
+        observed = []
         for stamp_us in self._stamps_to(row.t_us):
             self._stamps.append(stamp_us)
             result = self._filter.update(
@@ -140,8 +140,8 @@ class SpeedObserver(Stateful):
             )
             if result is not None and result is not self._result:
                 self._result = result
-                found += self._end_block(result)
-        return found
+                observed += self._end_block(result)
+        return observed
 
     def _stamps_to(self, t_us: float) -> list[float]:
         """Stamps, µs, at which there should be rows since the latest one."""

@@ -213,9 +213,9 @@ class PlausibilityWatch(Stateful):
         # A step is in the gap between both sides for more than one update; a question counts them.
         self._looks = not self._looks
         if self._steps.is_full and (self._looks or self.waits):
-            found = self._find_step()
-            if found is not Objection.NONE:
-                return found
+            objection = self._find_step()
+            if objection is not Objection.NONE:
+                return objection
         return self._find_deviation() if self._speeds.is_full else Objection.NONE
 
     def _find_deviation(self) -> Objection:
@@ -313,7 +313,7 @@ class PlausibilityWatch(Stateful):
 
 def _averaged(old: list[float], new: list[float], weight: float) -> list[float]:
     """Running averages with new values of this weight."""
-    return [one + weight * (other - one) for one, other in zip(old, new, strict=True)]
+    return [average + weight * (value - average) for average, value in zip(old, new, strict=True)]
 
 
 _WEIGHTS = extrapolation(COURSE, WINDOWS)

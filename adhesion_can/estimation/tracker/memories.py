@@ -75,8 +75,8 @@ class _AllCurves(Value):
         """The same with other curves in the i-th memory."""
         twin = type(self)(self.at_x.copy(), self.factors.copy(), self.log_base.copy())
         size = self.log_base.shape[1]
-        own = slice(i * size, (i + 1) * size)
-        twin.at_x[:, own], twin.factors[:, own] = curves.at_x.T, curves.factors
+        columns = slice(i * size, (i + 1) * size)
+        twin.at_x[:, columns], twin.factors[:, columns] = curves.at_x.T, curves.factors
         twin.log_base[i] = curves.log_base
         return twin
 
@@ -189,14 +189,14 @@ class FadingMemories(Stateful):
         likely: list[float] = []
         for kind, logs in enumerate(log_density.tolist()):
             best = max(logs)
-            density = [exp(one - best) for one in logs]
+            density = [exp(log_value - best) for log_value in logs]
             mean = sum([d * p for d, p in zip(density, self._probability, strict=True)])
             cost[kind] = (best + log(mean)) / scale
             if kind == CORRECTED:
                 likely = [max(d, LEAST_DENSITY) for d in density]
         weighted = [p * factor for p, factor in zip(self._probability, likely, strict=True)]
         total = sum(weighted)
-        self._probability = [one / total for one in weighted]
+        self._probability = [weight / total for weight in weighted]
         return costs[CORRECTED], cost
 
     def add(self, added: Array, costs: Array) -> None:

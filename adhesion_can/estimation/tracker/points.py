@@ -196,8 +196,8 @@ class OutlierGate(Stateful):
             self._times = 0
             return None
         suspect = int(axle[np.argmax(size)])
-        own = axle == suspect
-        alone = len(np.unique(axle)) >= self.AXLES and bool((size[~own] < self.NEAR).all())
+        of_suspect = axle == suspect
+        alone = len(np.unique(axle)) >= self.AXLES and bool((size[~of_suspect] < self.NEAR).all())
         self._times = self._times + 1 if suspect == self._suspect else 1
         self._suspect = suspect
-        return ~own if alone and self._times <= self.PATIENCE else None
+        return ~of_suspect if alone and self._times <= self.PATIENCE else None

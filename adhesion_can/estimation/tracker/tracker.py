@@ -107,8 +107,8 @@ class Tracker(Stateful):
         self._learned: list[CurveParameters] = list(settings.known_surfaces)
         prior = Prior(settings.prior, self._learned)
         slip_max, size = limits.slip_max, settings.curves
-        own = NoisePrior(settings.noise_std**2, 1.0)
-        self._memories = FadingMemories(settings.memory, prior, own, slip_max, size)
+        noise_prior = NoisePrior(settings.noise_std**2, 1.0)
+        self._memories = FadingMemories(settings.memory, prior, noise_prior, slip_max, size)
         self._hypotheses = RunLengthHypotheses(settings.run_length, prior)
         self._axles = AxleDeviations(settings.axles)
         self._gate = OutlierGate()

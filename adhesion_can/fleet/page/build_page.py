@@ -60,11 +60,11 @@ def _lead(overview: FleetOverview) -> str:
     verdicts = ", ".join(
         f"{name.replace('_', ' ')} {count}" for name, count in sorted(overview.verdicts.items())
     )
-    own = f" Each on its own: {verdicts}." if verdicts else ""
+    own_verdicts = f" Each on its own: {verdicts}." if verdicts else ""
     return (
         f"{counted(diagnosis.units, 'recording')} of "
         f"{counted(len(diagnosis.vehicles), 'vehicle')}, "
-        f"{diagnosis.diagnosed} with evidence on effects.{own}"
+        f"{diagnosis.diagnosed} with evidence on effects.{own_verdicts}"
     )
 
 
@@ -73,13 +73,13 @@ def _verdict(overview: FleetOverview) -> list[str]:
     named = diagnosis.named
     lines = []
     if named:
-        counts = Counter(one.findings[0].effect for one in named)
+        counts = Counter(vehicle.findings[0].effect for vehicle in named)
         causes = ", ".join(f"{name} {count}" for name, count in counts.most_common(6))
         lines.append(
             f"{len(named)} of {counted(len(diagnosis.vehicles), 'vehicle')} "
             f"{'differs' if len(named) == 1 else 'differ'} from the others: {causes}."
         )
-        lines += [_sized(one) for one in named[:MOST_SENTENCES]]
+        lines += [_sized(vehicle) for vehicle in named[:MOST_SENTENCES]]
     elif diagnosis.compared:
         lines.append("No vehicle differs significantly and relevantly from the others.")
     for kind in diagnosis.kinds:
@@ -98,8 +98,8 @@ def _verdict(overview: FleetOverview) -> list[str]:
             f"comparison confirms: {shown}{more}."
         )
     lines += [
-        f"{owner(one)}: {one.name}, {one.parameter} {format_size(one)}."
-        for one in diagnosis.shared[:5]
+        f"{owner(finding)}: {finding.name}, {finding.parameter} {format_size(finding)}."
+        for finding in diagnosis.shared[:5]
     ]
     if not diagnosis.shared:
         lines.append("No effect is shared by all vehicles, a line or a day.")
@@ -108,12 +108,13 @@ def _verdict(overview: FleetOverview) -> list[str]:
     return lines
 
 
-def _sized(one: VehicleSummary) -> str:
+def _sized(vehicle: VehicleSummary) -> str:
     """Sizes of what a vehicle has, in a sentence."""
     causes = "; ".join(
-        f"{finding.name}, {finding.parameter} {format_size(finding)}" for finding in one.findings
+        f"{finding.name}, {finding.parameter} {format_size(finding)}"
+        for finding in vehicle.findings
     )
-    return f"{one.vehicle}: {causes}."
+    return f"{vehicle.vehicle}: {causes}."
 
 
 def _shared(diagnosis: FleetDiagnosis) -> list[Part]:
@@ -122,9 +123,9 @@ def _shared(diagnosis: FleetDiagnosis) -> list[Part]:
             Text("No effect was found on most vehicles, and no effect differs by line or by day.")
         ]
     rows = [
-        (owner(one), one.name, format_size(one), f"{one.p_value:.1g}", format_gain(one),
-         f"{one.showing} of {one.units}")
-        for one in diagnosis.shared[:MOST_ROWS]
+        (owner(finding), finding.name, format_size(finding), f"{finding.p_value:.1g}",
+         format_gain(finding), f"{finding.showing} of {finding.units}")
+        for finding in diagnosis.shared[:MOST_ROWS]
     ]  # fmt: skip
     note = (
         "An effect of all vehicles belongs to the model; an effect of a line or a day shows on "
@@ -138,8 +139,10 @@ def _shared(diagnosis: FleetDiagnosis) -> list[Part]:
 def _failures(overview: FleetOverview) -> list[Part]:
     if not overview.failed:
         return [Text("No recording failed.")]
-    counts = Counter(_reason(one.reason) for one in overview.failures)
-    rows = [(one.unit, one.vehicle, one.reason) for one in overview.failures[:MOST_ROWS]]
+    counts = Counter(_reason(failure.reason) for failure in overview.failures)
+    rows = [
+        (failure.unit, failure.vehicle, failure.reason) for failure in overview.failures[:MOST_ROWS]
+    ]
     note = left_out(overview.failed, MOST_ROWS, "recording", "the table units")
     caption = "Recordings that failed, with the reason."
     kinds = "; ".join(f"{reason}: {count}" for reason, count in counts.most_common(5))

@@ -67,7 +67,11 @@ class _Row(NamedTuple):
 
 def size_parts(diagnosis: FleetDiagnosis) -> list[Part]:
     """Forest plots of the causes, and the table of the recordings."""
-    shared = [(owner(one), one.pooled) for one in diagnosis.shared if one.pooled is not None]
+    shared = [
+        (owner(finding), finding.pooled)
+        for finding in diagnosis.shared
+        if finding.pooled is not None
+    ]
     by_cause: dict[str, list[PooledSize]] = defaultdict(list)
     for size in _sizes_of_vehicles(diagnosis):
         by_cause[f"{size.name} {size.parameter}"].append(size)
@@ -80,15 +84,15 @@ def size_parts(diagnosis: FleetDiagnosis) -> list[Part]:
         parts.append(Text(left_out(len(figures), MOST_FIGURES, "cause")))
     rows = [
         (
-            one.vehicle,
-            _recording(one),
+            unit_size.vehicle,
+            _recording(unit_size),
             size.name,
-            f"{size.parameter} {format_value(size, one.value, one.std)}",
-            SOURCES[one.source][0],
+            f"{size.parameter} {format_value(size, unit_size.value, unit_size.std)}",
+            SOURCES[unit_size.source][0],
         )
         for sizes in by_cause.values()
         for size in sizes
-        for one in size.sizes
+        for unit_size in size.sizes
     ]
     if rows:
         parts.append(
@@ -114,10 +118,10 @@ NOTE = (
 def _sizes_of_vehicles(diagnosis: FleetDiagnosis) -> "list[PooledSize]":
     """Sizes of findings of vehicles, then of causes that recordings name by themselves."""
     sizes = [
-        one.pooled
+        finding.pooled
         for vehicle in diagnosis.named
-        for one in vehicle.findings
-        if one.pooled is not None
+        for finding in vehicle.findings
+        if finding.pooled is not None
     ]
     return sizes + [
         size
@@ -127,20 +131,20 @@ def _sizes_of_vehicles(diagnosis: FleetDiagnosis) -> "list[PooledSize]":
     ]
 
 
-def _recording(one: UnitSize) -> str:
+def _recording(size: UnitSize) -> str:
     """The end of a recording's path or URL: its folder and its name."""
-    parts = PurePosixPath(one.recording.partition("?")[0]).parts
-    return "/".join(parts[-2:]) or one.unit_id
+    parts = PurePosixPath(size.recording.partition("?")[0]).parts
+    return "/".join(parts[-2:]) or size.unit_id
 
 
 def _vehicles_figure(sizes: Sequence[PooledSize]) -> Figure:
     """Forest plot of a cause: each recording of the vehicles that have it, and their means."""
     rows: list[_Row] = []
     for size in sizes:
-        for vehicle, (mean, own) in size.by_vehicle.items():
+        for vehicle, (mean, unit_sizes) in size.by_vehicle.items():
             rows += [
-                _Row(f"{_cut(vehicle)} {_cut(_recording(one).rsplit('/', 1)[-1])}", one.value,
-                     one.std, one.source) for one in own
+                _Row(f"{_cut(vehicle)} {_cut(_recording(unit_size).rsplit('/', 1)[-1])}",
+                     unit_size.value, unit_size.std, unit_size.source) for unit_size in unit_sizes
             ]  # fmt: skip
             rows.append(_Row(f"<b>{_cut(vehicle)}</b>", mean.value, mean.std, MEAN))
     caption = (
@@ -179,15 +183,15 @@ def _forest(
     data: list[Trace] = []
     for origin in dict.fromkeys(row.origin for row in shown):
         name, colour, symbol = MARKS[origin]
-        own = [(place, row) for place, row in enumerate(shown) if row.origin == origin]
-        half = [factor * NORMAL_95 * row.std for _, row in own]
+        placed_rows = [(place, row) for place, row in enumerate(shown) if row.origin == origin]
+        half = [factor * NORMAL_95 * row.std for _, row in placed_rows]
         data.append(
             scatter(
                 "markers",
                 name,
-                [factor * row.value for _, row in own],
-                [place for place, _ in own],
-                customdata=[row.name for _, row in own],
+                [factor * row.value for _, row in placed_rows],
+                [place for place, _ in placed_rows],
+                customdata=[row.name for _, row in placed_rows],
                 hovertemplate="%{customdata}<br>%{x:.5g} ± %{error_x.array:.2g}<extra></extra>",
                 error_x=whiskers(half, color=colour, thickness=1.6, width=4),
                 marker={"color": colour, "size": 11 if origin == MEAN else 8, "symbol": symbol},

@@ -76,11 +76,11 @@ class MagicFormula:
         """
         del conditions
         height, place, _ = rough_peak(slip, adhesion)
-        found = []
+        starts = []
         for c in (1.2, 1.5, 1.8):
             for e in (0.5, 0.0, -2.0):
                 x = np.geomspace(1e-2, 1e3, 400)
                 y = x - e * (x - np.arctan(x))
                 b = float(np.interp(np.tan(pi / (2.0 * c)), y, x)) / place
-                found.append(within_bounds(self, (b, c, height, e)))
-        return found
+                starts.append(within_bounds(self, (b, c, height, e)))
+        return starts

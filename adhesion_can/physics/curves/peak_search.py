@@ -54,9 +54,9 @@ def find_peak(
         first = np.maximum(np.argmax(falls, axis=0), 1)[None]
         low = np.take_along_axis(place, first - 1, axis=0)[0]
         high = np.take_along_axis(place, first, axis=0)[0]
-    found = np.exp(0.5 * (low + high))
-    inside = rising & (found < slip_max * (1.0 - 1e-8))
-    lambda_m = np.where(rising, np.where(inside, found, slip_max), 0.0)
+    peak_slip = np.exp(0.5 * (low + high))
+    inside = rising & (peak_slip < slip_max * (1.0 - 1e-8))
+    lambda_m = np.where(rising, np.where(inside, peak_slip, slip_max), 0.0)
     mu_max = np.broadcast_to(family.adhesion(lambda_m, values, conditions), shape)
     return Peak(np.asarray(mu_max), np.asarray(lambda_m), np.asarray(inside))
 

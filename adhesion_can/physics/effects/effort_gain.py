@@ -45,8 +45,8 @@ class EffortGainLaw:
 
     def error(self, situation: Situation, _lags: LagStates) -> ReadingError:
         """Error of the readings."""
-        own = situation.axle == round(self.axle) if self.axle else 1.0
-        return ReadingError(self.gain * own)
+        affected = situation.axle == round(self.axle) if self.axle else 1.0
+        return ReadingError(self.gain * affected)
 
 
 @dataclass(frozen=True, slots=True)

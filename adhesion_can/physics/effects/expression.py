@@ -85,12 +85,12 @@ class Expression:
     @cached_property
     def names_of_lag_times(self) -> tuple[tuple[str, bool], ...]:
         """Names in the time constants of lags, and whether they stand in quotes."""
-        found: list[tuple[str, bool]] = []
+        names: list[tuple[str, bool]] = []
         for node in _operands(self._tree):
             match node:
                 case ast.Call(func=ast.Name(id=name), args=[_, time]) if name == LAG:
-                    found += _names(time)
-        return tuple(dict.fromkeys(found))
+                    names += _names(time)
+        return tuple(dict.fromkeys(names))
 
     def lag_times(self, constants: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Text and time constant of each lag, s, in which constants alone occur.
@@ -174,14 +174,14 @@ def _operands(tree: ast.expr) -> Iterator[ast.expr]:
 
 def _names(tree: ast.expr) -> tuple[tuple[str, bool], ...]:
     """Names in a part, each once and in its order, and whether they stand in quotes."""
-    found = []
+    names = []
     for node in sorted(_operands(tree), key=lambda node: (node.lineno, node.col_offset)):
         match node:
             case ast.Name(id=name):
-                found.append((name, False))
+                names.append((name, False))
             case ast.Constant(value=str() as name):
-                found.append((name, True))
-    return tuple(dict.fromkeys(found))
+                names.append((name, True))
+    return tuple(dict.fromkeys(names))
 
 
 def _require_shallow(tree: ast.expr) -> None:

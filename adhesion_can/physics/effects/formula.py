@@ -246,8 +246,8 @@ class FormulaLaw:
     def needs(self) -> frozenset[Need]:
         """The efforts and the time, as far as they are channels."""
         needs = {"total_effort": Need.EFFORTS, "time_s": Need.SEQUENCE}
-        found = {need for name, need in needs.items() if name in self.formula.channels}
-        return frozenset(found | ({Need.SEQUENCE} if self.formula.lags else set()))
+        needed = {need for name, need in needs.items() if name in self.formula.channels}
+        return frozenset(needed | ({Need.SEQUENCE} if self.formula.lags else set()))
 
     @property
     def covariates(self) -> tuple[str, ...]:

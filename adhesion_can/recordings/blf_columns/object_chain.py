@@ -49,11 +49,11 @@ def find_objects(data: bytes, stop: int) -> FoundObjects:
 
     """
     words = np.frombuffer(data, "<u4", stop // 4)
-    found = _chained(data, 4 * np.flatnonzero(words == _MARK), stop)  # nearly always
-    if found is None:
+    objects = _chained(data, 4 * np.flatnonzero(words == _MARK), stop)  # nearly always
+    if objects is None:
         marks = [match.start() for match in re.compile(MARK).finditer(data, 0, stop)]
-        found = _chained(data, np.array(marks, np.int64), stop)
-    return found or _walked(data[:stop])
+        objects = _chained(data, np.array(marks, np.int64), stop)
+    return objects or _walked(data[:stop])
 
 
 def _chained(data: bytes, starts: Places, stop: int) -> FoundObjects | None:

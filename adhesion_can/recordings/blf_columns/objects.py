@@ -123,14 +123,14 @@ class FrameColumns:
         self._skip -= passed
         data = b"".join((self._tail, data[passed:], _ROOM))
         stop = len(data) - len(_ROOM)
-        found = find_objects(data, stop)
-        self._tail = data[found.end : stop]
-        if found.size > LONGEST:
-            self._skip, self._tail = found.size - len(self._tail), b""
+        objects = find_objects(data, stop)
+        self._tail = data[objects.end : stop]
+        if objects.size > LONGEST:
+            self._skip, self._tail = objects.size - len(self._tail), b""
             self._report.kinds["other"] += 1
-        for _ in range(found.broken):
+        for _ in range(objects.broken):
             self._faults.add_place(piece.position)
-        return self._rows(data, found.starts)
+        return self._rows(data, objects.starts)
 
     def _rows(self, data: bytes, starts: Places) -> Block:
         heads = gathered(data, starts, _HEAD)

@@ -201,9 +201,9 @@ def _of_heading(line: str) -> LineForm | None:
         cells = [cell.strip().strip('"').lower() for cell in line.strip().split(delimiter)]
         places: dict[str, tuple[int, ...]] = {}
         for name, words in COLUMNS.items():
-            found = next((cells.index(word) for word in words if word in cells), None)
-            if found is not None:
-                places[name] = (found,)
+            place = next((cells.index(word) for word in words if word in cells), None)
+            if place is not None:
+                places[name] = (place,)
         octets = _octets(cells)
         if octets:
             places["data"] = octets
@@ -226,7 +226,7 @@ def _of_heading(line: str) -> LineForm | None:
 
 def _octets(cells: Iterable[str]) -> tuple[int, ...]:
     """Places of columns of a byte each, in the order of their numbers."""
-    found = {
+    by_number = {
         int(match[1]): place for place, cell in enumerate(cells) if (match := _BYTE.fullmatch(cell))
     }
-    return tuple(found[number] for number in sorted(found)) if len(found) > 1 else ()
+    return tuple(by_number[number] for number in sorted(by_number)) if len(by_number) > 1 else ()

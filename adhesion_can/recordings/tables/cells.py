@@ -153,19 +153,19 @@ def decimal_marks(
 
 
 def _sure(columns: Iterable[NumberColumn]) -> NumberMark:
-    found = NumberMark.NONE
+    marks = NumberMark.NONE
     for column in columns:
-        found |= column.marks & (NumberMark.POINT | NumberMark.COMMA)
-    return found
+        marks |= column.marks & (NumberMark.POINT | NumberMark.COMMA)
+    return marks
 
 
 def _decimal_mark(
     name: str, column: NumberColumn, sure: NumberMark, delimiter: str, where: str
 ) -> str:
-    own = column.marks
-    if own & (NumberMark.POINT | NumberMark.COMMA):
-        return "." if NumberMark.POINT in own else ","
-    maybe = own & (NumberMark.MAYBE_POINT | NumberMark.MAYBE_COMMA)
+    marks = column.marks
+    if marks & (NumberMark.POINT | NumberMark.COMMA):
+        return "." if NumberMark.POINT in marks else ","
+    maybe = marks & (NumberMark.MAYBE_POINT | NumberMark.MAYBE_COMMA)
     if not maybe:
         return "."
     if sure in (NumberMark.POINT, NumberMark.COMMA):
@@ -185,11 +185,11 @@ def _decimal_mark(
 
 def note_errors(columns: Mapping[str, NumberColumn]) -> list[str]:
     """Sentence about cells with a spreadsheet's error, in a list; [] where there is none."""
-    found = {name: column.errors for name, column in columns.items() if column.errors}
-    if not found:
+    errors = {name: column.errors for name, column in columns.items() if column.errors}
+    if not errors:
         return []
-    where = ", ".join(f"{name!r}" for name in found)
-    count = counted(sum(found.values()), "cell")
+    where = ", ".join(f"{name!r}" for name in errors)
+    count = counted(sum(errors.values()), "cell")
     return [f"{count} with a spreadsheet's error count as empty, in {where}"]
 
 

@@ -137,12 +137,12 @@ def _converted(
     unit = choice.unit if choice.unit is not None else stated
     factor = 1.0
     if known is not None and unit:
-        found = find_factor(known, unit)
-        if found is None:
+        unit_factor = find_factor(known, unit)
+        if unit_factor is None:
             what = f"unit {unit!r} of column {choice.column!r} is not known"
             fix = f"--column {choice.name}='{choice.column}',unit=.. with one of {_listed(known)}"
             raise TableError(where, what, fix)
-        factor = found
+        factor = unit_factor
     factor *= choice.sign
     if factor == 1.0:
         return column, ""

@@ -29,7 +29,7 @@ class Columns:
 
 def split_unit(heading: str) -> tuple[str, str]:
     """Name and unit of a heading such as 'Fx [kN]'; unit '' where it states none."""
-    found = _WITH_UNIT.fullmatch(heading.strip())
-    if found is None:
+    match = _WITH_UNIT.fullmatch(heading.strip())
+    if match is None:
         return heading.strip(), ""
-    return found["name"], found["unit"].strip()
+    return match["name"], match["unit"].strip()

@@ -87,7 +87,7 @@ def _require_names(layout: TableLayout, path: Path) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1 and name]
     if not twice:
         return
-    places = [place for place, one in enumerate(names, start=1) if one == twice[0]]
+    places = [place for place, name in enumerate(names, start=1) if name == twice[0]]
     cells = " and ".join(f"{place} ({layout.heading[place - 1]!r})" for place in places)
     raise TableError(
         f"{path}:{layout.line}", f"columns {cells} have the same name", "rename all of them but one"
@@ -160,7 +160,9 @@ def _columns(
         values[name] = column.values(marks[name])
         if column.percent:
             units[name] = "%"
-    notes[:0] = _cell_notes(layout, {marks[name] for name, one in numbers.items() if one.marks})
+    notes[:0] = _cell_notes(
+        layout, {marks[name] for name, numeric_column in numbers.items() if numeric_column.marks}
+    )
     notes.extend(note_errors(numbers))
     return Columns(values, {unquote_formula(k): v for k, v in units.items()}, tuple(notes))
 

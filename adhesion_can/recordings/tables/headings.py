@@ -80,11 +80,11 @@ def has_column(typed: str, names: Iterable[str], units: Mapping[str, str]) -> bo
 
 def loose_unit(name: str) -> tuple[str, str]:
     """Name and unit of a heading such as 'v in km/h' or 'v / km/h'; unit '' where it has none."""
-    found = _LOOSE_UNIT.fullmatch(name.strip())
-    if found is None or found["unit"].isdigit():
+    match = _LOOSE_UNIT.fullmatch(name.strip())
+    if match is None or match["unit"].isdigit():
         return name, ""
-    known = any(find_factor(units, found["unit"]) is not None for units in COLUMN_UNITS.values())
-    return (found["name"], found["unit"]) if known else (name, "")
+    known = any(find_factor(units, match["unit"]) is not None for units in COLUMN_UNITS.values())
+    return (match["name"], match["unit"]) if known else (name, "")
 
 
 def _resolve(
@@ -119,9 +119,9 @@ def _alike(typed: str, names: Sequence[str], units: Mapping[str, str]) -> list[s
     """Columns with the name, and with the unit where it is typed."""
     name, unit = _parts(typed, "")
     return [
-        one
-        for one in names
-        if _parts(one, "")[0] == name and unit in ("", _parts(one, units.get(one, ""))[1])
+        column
+        for column in names
+        if _parts(column, "")[0] == name and unit in ("", _parts(column, units.get(column, ""))[1])
     ]
 
 
@@ -129,12 +129,12 @@ def _nearest(typed: str, names: Sequence[str], units: Mapping[str, str]) -> str:
     """Headings that are written alike, else the first ones."""
     wanted = _parts(typed, "")[0]
     by_name = {_parts(name, "")[0]: name for name in names}
-    found = [name for plain, name in by_name.items() if len(wanted) > 1 and wanted in plain][:3]
-    if not found:
+    alike = [name for plain, name in by_name.items() if len(wanted) > 1 and wanted in plain][:3]
+    if not alike:
         similar = suggest(wanted, by_name).partition(": ")[2]
-        found = [by_name[plain] for plain in similar.split(", ") if plain in by_name]
-    if found:
-        return f"similar names: {', '.join(_with_unit(name, units) for name in found)}"
+        alike = [by_name[plain] for plain in similar.split(", ") if plain in by_name]
+    if alike:
+        return f"similar names: {', '.join(_with_unit(name, units) for name in alike)}"
     shown = ", ".join(_with_unit(name, units) for name in names[:MOST_LISTED])
     more = len(names) - MOST_LISTED
     return f"its columns are {shown}{f', and {more} more' if more > 0 else ''}"

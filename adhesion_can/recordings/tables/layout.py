@@ -76,18 +76,18 @@ def find_layout(text: str, wanted: Collection[str] = ()) -> TableLayout:
         if delimiter == " " and most[1] and most[3] > 1:
             continue  # names and texts have spaces too
         try:
-            found, even = _layout(lines, delimiter, wanted, 1 if stated else 0)
+            layout, even = _layout(lines, delimiter, wanted, 1 if stated else 0)
         except csv.Error:
             if delimiter == ",":
                 raise
             continue
-        if found is None:
+        if layout is None:
             continue
-        has_wanted = not set(wanted).isdisjoint(found.names)
-        width = len(found.heading)
+        has_wanted = not set(wanted).isdisjoint(layout.names)
+        width = len(layout.heading)
         score = (has_wanted, width > 1, even, width)
         if score > most:
-            best, most = found, score
+            best, most = layout, score
     return best
 
 
@@ -156,14 +156,14 @@ def _layout(
     heading = next(row for number, row in above if number == line)
     below = [(number, row) for number, row in above if number > line]
     units = _stripped(trimmed(below[0][1], width)) if below else ()
-    found = TableLayout(
+    layout = TableLayout(
         delimiter,
         _stripped(trimmed(heading, width if len(heading) > width else 1)),
         line,
         units if len(units) == width else (),
         body=below[-1][0] if below else line,
     )
-    return found, even
+    return layout, even
 
 
 def _has_a_name(row: Sequence[str], wanted: Collection[str]) -> bool:

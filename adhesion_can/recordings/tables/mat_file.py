@@ -50,16 +50,16 @@ def _columns(path: Path) -> Iterator[Columns]:
         reason = " ".join(str(error).split())[:150]
         what = f"not readable as a MATLAB file ({reason})"
         raise TableError(str(path), what, "check the file") from error
-    found = list(_vectors(document, MOST_DEPTH))
-    lengths = Counter(len(column) for _, column in found)
+    vectors = list(_vectors(document, MOST_DEPTH))
+    lengths = Counter(len(column) for _, column in vectors)
     if not lengths:
         raise TableError(str(path), "no vectors", "save the columns as vectors of one length")
     length, _ = lengths.most_common(1)[0]
     values: dict[str, Column] = {}
-    for name, column in found:
+    for name, column in vectors:
         if len(column) == length:
             values.setdefault(name, column)
-    others = sorted({name for name, column in found if len(column) != length})
+    others = sorted({name for name, column in vectors if len(column) != length})
     notes = [f"using the vectors of {length} values as columns"]
     if others:
         notes.append(f"not used, since their length differs: {', '.join(others)}")

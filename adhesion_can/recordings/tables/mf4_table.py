@@ -103,7 +103,8 @@ def _column(signal: Any) -> Column:
             numbers[np.asarray(invalid, dtype=np.bool_)] = np.nan
         return np.asarray(numbers)
     return tuple(
-        one.decode(errors="replace") if isinstance(one, bytes) else str(one) for one in samples
+        sample.decode(errors="replace") if isinstance(sample, bytes) else str(sample)
+        for sample in samples
     )
 
 

@@ -287,9 +287,9 @@ def _position(numbers: Mapping[str, Array], good: NDArray[np.bool_]) -> Array | 
     """
     if any(name not in numbers for name in POSITION):
         return None
-    found = np.stack([numbers[name][good] for name in POSITION], axis=1)
-    wrong = (np.abs(found) > (90.0, 180.0)).any(axis=1) | (found == 0.0).all(axis=1)
-    return np.where(wrong[:, None], np.nan, found)
+    position = np.stack([numbers[name][good] for name in POSITION], axis=1)
+    wrong = (np.abs(position) > (90.0, 180.0)).any(axis=1) | (position == 0.0).all(axis=1)
+    return np.where(wrong[:, None], np.nan, position)
 
 
 def _find_unloaded(numbers: Mapping[str, Array], where: str) -> NDArray[np.bool_]:

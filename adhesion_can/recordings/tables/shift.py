@@ -70,9 +70,9 @@ def _shifted(time_s: Array, values: Array, late_s: float) -> Array:
     # To the microsecond: what falls on a row is that row's, whatever the sum is rounded to.
     at, wanted = np.round(time_s[known], 6), np.round(time_s + late_s, 6)
     steps = np.diff(at)
-    found = np.interp(wanted, at, values[known], left=np.nan, right=np.nan)
+    shifted = np.interp(wanted, at, values[known], left=np.nan, right=np.nan)
     limit = LARGEST_GAP * float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     place = np.clip(np.searchsorted(at, wanted, side="right"), 1, len(at) - 1)
     in_gap = (steps[place - 1] > limit) & (wanted > at[place - 1]) & (wanted < at[place])
-    found[in_gap] = np.nan
-    return np.asarray(found)
+    shifted[in_gap] = np.nan
+    return np.asarray(shifted)

@@ -55,14 +55,14 @@ def with_times(columns: Columns, where: str, *, stated: bool) -> Columns:
     column = columns.values.get(TIME)
     if column is None:
         return columns
-    found: tuple[Array, str]
+    values_and_note: tuple[Array, str]
     if isinstance(column, tuple):
-        found = read_times(column, where)
+        values_and_note = read_times(column, where)
     elif stated:
         return columns
     else:
-        found = _of_magnitude(column, where)
-    values, note = found
+        values_and_note = _of_magnitude(column, where)
+    values, note = values_and_note
     if not note:
         return columns
     return replace(columns, values={**columns.values, TIME: values}, notes=(*columns.notes, note))
@@ -172,13 +172,13 @@ def _seconds(it: re.Match[str]) -> float:
 
 def _past_midnight(seconds: Array) -> Array:
     """Times of the day that run on where the next day starts."""
-    days, found, last = 0, seconds.copy(), np.nan
+    days, continued, last = 0, seconds.copy(), np.nan
     for place, second in enumerate(seconds.tolist()):
         if second - last < -DAY_S / 2:
             days += 1
         last = second if np.isfinite(second) else last
-        found[place] += days * DAY_S
-    return found
+        continued[place] += days * DAY_S
+    return continued
 
 
 def _of_magnitude(numbers: Array, where: str) -> tuple[Array, str]:

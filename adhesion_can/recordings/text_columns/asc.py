@@ -82,19 +82,19 @@ def head_date_us(first: Sequence[bytes]) -> int | None:
     for line in first:
         if not _HEAD.match(line):
             break
-        if found := _DATE.match(line.decode("utf-8", "replace").strip()):
-            year, month = int(found["year"]), _MONTHS.get(found["month"].lower())
-            hour = int(found["hour"])
-            if found["half"]:
-                hour = hour % 12 + 12 * (found["half"].lower() == "pm")
+        if match := _DATE.match(line.decode("utf-8", "replace").strip()):
+            year, month = int(match["year"]), _MONTHS.get(match["month"].lower())
+            hour = int(match["hour"])
+            if match["half"]:
+                hour = hour % 12 + 12 * (match["half"].lower() == "pm")
             try:
                 date = datetime(
-                    year, month or 0, int(found["day"]), hour, int(found["min"]), int(found["s"]),
+                    year, month or 0, int(match["day"]), hour, int(match["min"]), int(match["s"]),
                     tzinfo=UTC,
                 )  # fmt: skip
             except ValueError:
                 return None
-            part = int((found["f"] or "0").ljust(6, "0")[:6])
+            part = int((match["f"] or "0").ljust(6, "0")[:6])
             return round(date.timestamp()) * 1_000_000 + part
     return None
 

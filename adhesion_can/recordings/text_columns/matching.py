@@ -100,8 +100,8 @@ def match_lines(layout: Layout, text: Text, starts: Places, ends: Places) -> Mat
     else:
         length, words, right = _spaced_payloads(layout.payload, layout.length, lines)
     good &= right
-    found = MatchedLines(rows, t_ns, key, length, words, _names(layout, lines))
-    return found if good.all() else found.select(good)
+    matched = MatchedLines(rows, t_ns, key, length, words, _names(layout, lines))
+    return matched if good.all() else matched.select(good)
 
 
 def _ended(layout: Layout, text: Text, starts: Places, ends: Places) -> NDArray[np.bool_]:

@@ -86,20 +86,20 @@ class PythonCanLines(Generic[Reader]):
 
         """
         texts = [_text(line) for line in lines]
-        found: list[can.Message | Exception | None] = [None] * len(texts)
+        outcomes: list[can.Message | Exception | None] = [None] * len(texts)
         begin = 0
         while begin < len(texts):
             feed = _Feed(self._head, texts[begin:])
             try:
                 for message in self._reader(cast("str", feed)):
-                    found[begin + feed.place] = message
+                    outcomes[begin + feed.place] = message
                 break
             except Exception as error:  # its parser raises whatever it meets
                 if feed.place < 0:
                     raise
-                found[begin + feed.place] = error
+                outcomes[begin + feed.place] = error
                 begin += feed.place + 1
-        return found
+        return outcomes
 
 
 def _text(line: bytes) -> str:
@@ -129,10 +129,10 @@ class TraceForm(Form):
 
     def read(self, lines: Sequence[bytes]) -> Iterator[SingleLine]:
         """Lines as python-can's reader takes them."""
-        for line, (found, t_ns) in zip(lines, self.messages(lines), strict=True):
-            if found is None:
+        for line, (outcome, t_ns) in zip(lines, self.messages(lines), strict=True):
+            if outcome is None:
                 yield SingleLine(self.kind_without_frame(line))
-            elif isinstance(found, can.Message) and (frame := self._frame(found)):
+            elif isinstance(outcome, can.Message) and (frame := self._frame(outcome)):
                 yield SingleLine(frame, frame.t_us * 1000 if t_ns is None else t_ns)
             else:
                 yield SingleLine("malformed")

@@ -197,8 +197,8 @@ def _end_of_lines(text: Text) -> int:
     """End of the last whole line, also of those that the limit makes of a longer one."""
     end = 0
     for tail in (text[-512:], text):  # nearly always in the first
-        if found := tail.tobytes().rfind(b"\n") + 1:
-            end = len(text) - len(tail) + found
+        if end_in_tail := tail.tobytes().rfind(b"\n") + 1:
+            end = len(text) - len(tail) + end_in_tail
             break
     return end + (len(text) - end) // LINE_LIMIT * LINE_LIMIT
 

@@ -78,12 +78,12 @@ class TrcForm(TraceForm):
             if not line.lstrip().startswith(b";"):
                 break
             head.append(line)
-        stated = next((found[1] for line in head if (found := _VERSION.match(line))), b"1.0")
+        stated = next((match[1] for line in head if (match := _VERSION.match(line))), b"1.0")
         if stated not in _VERSIONS:
             known = ", ".join(version.decode() for version in _VERSIONS)
             raise ValueError(f"version {stated.decode()} of PEAK's format; supported: {known}")
         version = _VERSIONS[stated]
-        named = next((found[1] for line in head if (found := _NAMED.match(line))), b"")
+        named = next((match[1] for line in head if (match := _NAMED.match(line))), b"")
         self._columns = named.decode("latin-1").split(",") if version >= TRCFileVersion.V2_0 else []
         self._lacks_way = bool(self._columns) and "d" not in self._columns
         self._lacks_reserved = version is TRCFileVersion.V1_2
@@ -125,13 +125,13 @@ class TrcForm(TraceForm):
 
     def messages(self, lines: Sequence[bytes]) -> list[OddLine]:
         """What python-can makes of each line, comments and blank lines left out."""
-        found = [OddLine(None)] * len(lines)
+        odd_lines = [OddLine(None)] * len(lines)
         held = [n for n, line in enumerate(lines) if line.strip() and not _is_comment(line)]
         plain = [self._plain(lines[n]) for n in held]
-        for place, one in zip(held, self._lines.read(plain), strict=True):
-            found[place] = OddLine(one)
-            self._lost += not isinstance(one, can.Message)
-        return found
+        for place, outcome in zip(held, self._lines.read(plain), strict=True):
+            odd_lines[place] = OddLine(outcome)
+            self._lost += not isinstance(outcome, can.Message)
+        return odd_lines
 
     def _plain_head(self, line: bytes) -> bytes:
         """A line of the head for python-can's reader."""

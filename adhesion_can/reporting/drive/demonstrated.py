@@ -12,7 +12,7 @@ from adhesion_can.service.core import ServiceCore
 
 def demo_texts(
     truth: Mapping[str, Any],
-    found: Sequence[Phase],
+    phases: Sequence[Phase],
     core: ServiceCore,
     provenance: Mapping[str, str],
 ) -> DriveTexts:
@@ -31,10 +31,10 @@ def demo_texts(
             "A simulated locomotive, the service and a creep controller on one bus, "
             f"{duration_text(surfaces[-1]['to_s'])}, on these surfaces: {names}."
         ),
-        verdict=[_sentence(phase) for phase in found],
+        verdict=[_sentence(phase) for phase in phases],
         quality=core_quality(core, sum(record.frames for record in core.receiver.records)),
         truth=surfaces,
-        comparison=[Table(caption, PHASE_COLUMNS, phase_rows(found), note)],
+        comparison=[Table(caption, PHASE_COLUMNS, phase_rows(phases), note)],
         provenance=provenance,
     )
 

@@ -202,17 +202,17 @@ def _state_rows(record: DriveRecord, scale: _Abscissa) -> list[Trace]:
     """Bar over the spans of each status and doubt that occurs."""
     history = record.history
     begins, ends = (scale.of(v.astype(np.float64)) for v in (history.first_us, history.last_us))
-    found = [
+    states = [
         (state_name(status), STATUS_COLOURS[status], history.statuses[:, place])
         for place, status in enumerate(STATUSES)
     ]
-    found += [
+    states += [
         (f"doubt: {state_name(doubt)}", ORANGE, history.doubts[:, place])
         for place, doubt in enumerate(DOUBTS)
         if doubt in DESCRIPTIONS
     ]
     rows: list[Trace] = []
-    for name, colour, counts in found:
+    for name, colour, counts in states:
         spans = runs(counts > 0)
         if spans:
             rows.append(span_line(name, spans, begins, ends, {"color": colour, "width": 9}))
@@ -271,7 +271,7 @@ def _curve_figure(
         if rows.any()
     ]  # fmt: skip
     end_s = surface.to_us / 1e6
-    true = next((one for one in truth if one["from_s"] < end_s <= one["to_s"] + 0.1), None)
+    true = next((rail for rail in truth if rail["from_s"] < end_s <= rail["to_s"] + 0.1), None)
     if out.theta is not None:
         style = {"color": BLUE, "width": 2.4}
         data.append(line("last curve sent", grid, adhesion(grid, *out.theta), style))

@@ -94,23 +94,23 @@ def _verdict(record: DriveRecord) -> list[str]:
         for name, count in ((s.name, counts.by_status[s]) for s in Status)
         if count
     ]
-    found = [f"Status by time: {', '.join(shares)}."]
+    sentences = [f"Status by time: {', '.join(shares)}."]
     points = [(s.last.setpoint.mu_max, s.last.mu_max_std) for s in record.surfaces]
     sure = [mu for mu, std in points if mu is not None and std is not None and std < 0.1 * mu]
-    found.append(_surfaces_found(len(record.surfaces), sure))
-    found += counts.objections.sentences()
+    sentences.append(_surfaces_found(len(record.surfaces), sure))
+    sentences += counts.objections.sentences()
     doubts = [(d, n) for d, n in counts.by_doubt.most_common() if d in DESCRIPTIONS]
     if doubts:
         why = ", ".join(f"{DESCRIPTIONS[d]} ({_share(n, total)})" for d, n in doubts)
-        found.append(f"Doubt: {why}; 'adhesion-can diagnose' looks for the cause.")
+        sentences.append(f"Doubt: {why}; 'adhesion-can diagnose' looks for the cause.")
     elif not counts.by_doubt[Doubt.NONE]:
-        found.append("Model check not run: doubt was not available.")
+        sentences.append("Model check not run: doubt was not available.")
     else:
-        found.append(
+        sentences.append(
             "Model check passed: the residual shows no dependence on speed, load, axle, time or "
             "surroundings."
         )
-    return found
+    return sentences
 
 
 def _surfaces_found(count: int, sure: Sequence[float]) -> str:
@@ -121,14 +121,14 @@ def _surfaces_found(count: int, sure: Sequence[float]) -> str:
         sure: μ_max of the surfaces where it is known within 10 %.
 
     """
-    found = f"{in_words(count).capitalize()} surface{'' if count == 1 else 's'} found"
+    beginning = f"{in_words(count).capitalize()} surface{'' if count == 1 else 's'} found"
     if not sure:
-        return f"{found}; no μ_max is known within 10 %."
+        return f"{beginning}; no μ_max is known within 10 %."
     low, high = min(sure), max(sure)
     peaks = f"{low:.3f}" if len(sure) == 1 else f"{low:.3f} to {high:.3f}"
     if len(sure) < count:
-        return f"{found}; μ_max known within 10 % on {in_words(len(sure))} of them: {peaks}."
-    return f"{found}, μ_max {peaks}, {'each ' if count > 1 else ''}known within 10 %."
+        return f"{beginning}; μ_max known within 10 % on {in_words(len(sure))} of them: {peaks}."
+    return f"{beginning}, μ_max {peaks}, {'each ' if count > 1 else ''}known within 10 %."
 
 
 def _share(count: int, total: int) -> str:

@@ -24,7 +24,9 @@ ROLE_LABELS: Mapping[str, str] = {
     SLIP: "slip ratio",
 }
 """Name of a quantity in headings."""
-HELD = frozenset({Role.SPEED_SOURCE, Role.DIRECTION, *(one.role for one in CHANNELS if one.steps)})
+HELD = frozenset(
+    {Role.SPEED_SOURCE, Role.DIRECTION, *(channel.role for channel in CHANNELS if channel.steps)}
+)
 """Roles whose value holds until the next reading."""
 
 
@@ -60,9 +62,9 @@ _SHOWN: Mapping[str, _Shown] = {
     SLIP: _shown(SLIP),
     # A channel without a role is no signal; the vehicle speed is drawn with the wheels'.
     **{
-        one.role: _shown(one.role, one.unit)
-        for one in CHANNELS
-        if one.role not in (None, Role.VEHICLE_SPEED)
+        channel.role: _shown(channel.role, channel.unit)
+        for channel in CHANNELS
+        if channel.role not in (None, Role.VEHICLE_SPEED)
     },
     Role.SPEED_SOURCE: _shown(Role.SPEED_SOURCE),
     Role.DIRECTION: _shown(Role.DIRECTION),
@@ -112,15 +114,16 @@ def signal_panels(signals: DriveSignals, config: Configuration, zero_us: int) ->
     if speeds:
         panels.append(Panel("speed of the vehicle and of the rims r·ω, m/s", speeds, {}, 150.0))
     for role, shown in _SHOWN.items():
-        found = by_role.get(role, {})
+        by_axle = by_role.get(role, {})
         label, unit = ROLE_LABELS[role], shown.unit
-        if found and not any(one.highest > one.lowest for one in found.values()):
-            values = sorted({f"{one.lowest * shown.factor:.4g}" for one in found.values()})
+        if by_axle and not any(signal.highest > signal.lowest for signal in by_axle.values()):
+            values = sorted({f"{signal.lowest * shown.factor:.4g}" for signal in by_axle.values()})
             constant.append(f"{label} {' and '.join(values)} {unit}".strip())
-        elif found:
+        elif by_axle:
             panels.append(
                 Panel(f"{label}, {unit}" if unit else label,
-                      [_trace(role, axle, one, shown, times) for axle, one in found.items()],
+                      [_trace(role, axle, signal, shown, times)
+                       for axle, signal in by_axle.items()],
                       {"dtick": 1.0} if role in HELD else {}, shown.height)
             )  # fmt: skip
     for number, series in by_role.get(Role.CHANNEL, {}).items():
@@ -132,7 +135,7 @@ def signal_panels(signals: DriveSignals, config: Configuration, zero_us: int) ->
 
 
 def _caption(signals: DriveSignals, constant: Sequence[str]) -> str:
-    dense = any(len(one.t_us) < one.readings for one in signals.series().values())
+    dense = any(len(series.t_us) < series.readings for series in signals.series().values())
     text = (
         f"Thinned to spans of {signals.width_us / 1e6:g} s; extremes are kept. "
         if dense
@@ -185,17 +188,17 @@ def signal_table(signals: DriveSignals, config: Configuration, name: str = "") -
     """
     rows = []
     order = {role: number for number, role in enumerate(_ORDER)}
-    found = signals.series()
-    for role, axle in sorted(found, key=lambda signal: (order[signal[0]], signal[1])):
-        one = found[role, axle]
-        known = np.isfinite(one.lowest)
+    by_signal = signals.series()
+    for role, axle in sorted(by_signal, key=lambda signal: (order[signal[0]], signal[1])):
+        series = by_signal[role, axle]
+        known = np.isfinite(series.lowest)
         rows.append(
             (
                 _signal_name(role, axle, config),
                 "" if role == SLIP else config.signal_unit(Role(role), axle),
-                str(one.readings),
-                f"{one.lowest:.6g}" if known else "-",
-                f"{one.highest:.6g}" if known else "-",
+                str(series.readings),
+                f"{series.lowest:.6g}" if known else "-",
+                f"{series.highest:.6g}" if known else "-",
             )
         )
     caption = f"Signals{f' of {name}' if name else ''}: unit, number of readings, and range."

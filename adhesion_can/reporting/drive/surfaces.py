@@ -168,20 +168,20 @@ class SurfaceRecorder:
         slip, adhesion = slip[usable], adhesion[usable]
         priority = self._random.random(len(slip))
         for surface in np.unique(number[number >= 0]).tolist():
-            own = number == surface
+            on_surface = number == surface
             cloud = self._clouds.get(surface, SampleCloud.empty())
             self._clouds[surface] = cloud.with_samples(
-                slip[own], adhesion[own], priority[own], self._slip_max
+                slip[on_surface], adhesion[on_surface], priority[on_surface], self._slip_max
             )
         self._forget_small_ones()
 
     def _keep_waiting(self, rows: NDArray[np.bool_]) -> None:
         left, first = [], 0
         for part in self._waiting:
-            own = rows[first : first + len(part)]
+            part_rows = rows[first : first + len(part)]
             first += len(part)
-            if own.any():
-                left.append(part.select(np.flatnonzero(own)))
+            if part_rows.any():
+                left.append(part.select(np.flatnonzero(part_rows)))
         self._waiting, self._size = left, sum(map(len, left))
 
     def _number(self, t_us: NDArray[np.int64]) -> NDArray[np.int64]:

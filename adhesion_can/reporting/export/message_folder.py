@@ -189,7 +189,7 @@ def listed_files(path: Path) -> list[str]:
         return []
     try:
         document = json.loads(read_small_file(path / LIST, _LARGEST_LIST, fix=fix))
-        names = [str(one["file"]) for one in document["files"]]
+        names = [str(listed["file"]) for listed in document["files"]]
     except (ValueError, LookupError, TypeError) as error:
         raise InputError(
             str(path / LIST), "is not a list of files written by convert", fix

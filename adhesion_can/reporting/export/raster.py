@@ -124,7 +124,7 @@ class Raster:
             from_ns, until_ns = int(at_ns[place]), int(at_ns[place + 1])
             self._holes += 1
             self._longest_ns = max(self._longest_ns, until_ns - from_ns)
-            held_ns = max((one for one in self._limits.values() if one < inf), default=0.0)
+            held_ns = max((limit for limit in self._limits.values() if limit < inf), default=0.0)
             yield from_ns + round(min(held_ns, LONGEST_EMPTY_NS))
             steps = max(-((self._next_ns - until_ns) // self._step_ns), 0)
             self._next_ns += steps * self._step_ns
@@ -132,7 +132,7 @@ class Raster:
 
     def _readings(self, rows: Sequence[GroupRows]) -> dict[str, tuple[NDArray[np.int64], Array]]:
         """Stamps, ns, ascending, and values of each signal, its latest one before them first."""
-        found = {
+        by_name = {
             name: (np.array([held.t_ns], dtype=np.int64), np.array([held.value]))
             for name, held in self._held.items()
         }
@@ -142,12 +142,12 @@ class Raster:
                 name = f"{part.group.name}.{field.name}"
                 there = slice(None) if column.missing is None else ~column.missing
                 order = np.argsort(part.t_ns[there], kind="stable")
-                t_ns, values = found.get(name, nothing)
-                found[name] = (
+                t_ns, values = by_name.get(name, nothing)
+                by_name[name] = (
                     np.concatenate([t_ns, part.t_ns[there][order]]),
                     np.concatenate([values, column.values[there][order].astype(np.float64)]),
                 )
-        return {name: found.get(name, nothing) for name in self._fields}
+        return {name: by_name.get(name, nothing) for name in self._fields}
 
     def _hold(
         self, name: str, even: NDArray[np.int64], stamps: NDArray[np.int64], values: Array

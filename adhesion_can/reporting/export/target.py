@@ -210,7 +210,7 @@ def file_target(path: Path, option: str, suffixes: tuple[str, ...] = SUFFIXES) -
 
     """
     # The longest first: .csv.gz ends in .gz, which alone is nothing.
-    suffix = next((one for one in suffixes if path.name.lower().endswith(one)), None)
+    suffix = next((ending for ending in suffixes if path.name.lower().endswith(ending)), None)
     if suffix is not None:
         return Target(path, suffix)
     known = ", ".join(suffixes)

@@ -36,7 +36,7 @@ def after_diagnosis(diagnosis: Diagnosis, typed: Typed, configuration: Configura
         describe_cause(cause, configuration, alone=len(diagnosis.causes) == 1, tables=typed.tables)
         for cause in diagnosis.causes
     ]
-    finding = " ".join([*(one.text for one in meanings), *_reservations(diagnosis)])
+    finding = " ".join([*(meaning.text for meaning in meanings), *_reservations(diagnosis)])
     return NextStep(finding, _action(diagnosis, typed, meanings, configuration))
 
 
@@ -105,7 +105,7 @@ def _after_named(
 ) -> str:
     if any(cause.rivals for cause in diagnosis.causes):
         return _distinguish(diagnosis, typed)
-    if all(one.setting for one in meanings) and not _lacks_roles(meanings, configuration):
+    if all(meaning.setting for meaning in meanings) and not _lacks_roles(meanings, configuration):
         return _correct(diagnosis, typed, meanings)
     use = _use_model(typed)
     late = any(cause.effect.endswith("_delay") for cause in diagnosis.causes)
@@ -115,7 +115,7 @@ def _after_named(
 def _lacks_roles(meanings: list[Meaning], configuration: Configuration) -> bool:
     """Whether a default role is to be corrected: one role in a file replaces all of them."""
     is_default = set(configuration.choices) == set(packaged_choices())
-    return is_default and any(one.in_roles for one in meanings)
+    return is_default and any(meaning.in_roles for meaning in meanings)
 
 
 def _simulated(plan: Path | str, typed: Typed) -> str:
@@ -193,7 +193,7 @@ def _diagnose_new(typed: Typed) -> str:
 
 def _correct(diagnosis: Diagnosis, typed: Typed, meanings: list[Meaning]) -> str:
     """Correct the configuration, by `calibrate` where it measures what is wrong."""
-    settings = " and ".join(one.setting for one in meanings)
+    settings = " and ".join(meaning.setting for meaning in meanings)
     write = f"write {settings} in the configuration"
     if all(cause.effect == WHEEL_RADIUS for cause in diagnosis.causes):
         return f"{typed.on_inputs('calibrate', '--out', CALIBRATED)}, or {write}"

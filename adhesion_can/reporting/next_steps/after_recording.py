@@ -29,7 +29,7 @@ BEYOND = "record a drive that sweeps the slip beyond the peak in traction and in
 def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> NextStep:
     """Whether the data are usable, and what to do next."""
     failures = WRONG.lines(results)
-    for misfit in (one.misfit for one in results if isinstance(one, CheckResult)):
+    for misfit in (result.misfit for result in results if isinstance(result, CheckResult)):
         if misfit is not None:
             return _after_misfit(misfit, typed)
     if failures:
@@ -44,7 +44,7 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
             "The data are readable, but adhesion cannot be computed from them.",
             "add the missing roles or columns, then " + typed.on_inputs("check"),
         )
-    if not any(one.estimate.identifiable.both for fit in fits for one in fit.segments):
+    if not any(segment.estimate.identifiable.both for fit in fits for segment in fit.segments):
         if any(_is_hidden(segment) for fit in fits for segment in fit.segments):
             return NextStep(
                 "The data are readable, but no peak is identifiable.", typed.on_inputs("diagnose")
@@ -59,7 +59,7 @@ def after_check(results: Sequence[CheckResult | TableCheck], typed: Typed) -> Ne
 
 def after_identification(result: BatchResult, typed: Typed) -> NextStep:
     """The peak where there is one, and what to do next."""
-    known = [one.estimate for one in result.segments if one.estimate.identifiable.both]
+    known = [segment.estimate for segment in result.segments if segment.estimate.identifiable.both]
     if not known and not any(map(_is_hidden, result.segments)):
         again = typed.command("identify", typed.new_file("NEW"))
         return NextStep("The data do not show a peak.", f"{BEYOND}, then {again}")
@@ -91,7 +91,7 @@ def after_replay(
     """
     if objections.foremost is not None:
         return _after_objection(objections.foremost, objections.times, typed)
-    doubt = next((one for one in doubts if one in DESCRIPTIONS), None)
+    doubt = next((doubted for doubted in doubts if doubted in DESCRIPTIONS), None)
     if doubt is not None:
         finding = f"The service doubts its curve: {DESCRIPTIONS[doubt]}."
         if typed.model is None:
@@ -195,16 +195,16 @@ CALIBRATED = "calibrated.toml"
 """Name of the configuration that the user has not named."""
 
 
-def after_calibration(found: Calibration, typed: Typed, rim: Collection[int]) -> NextStep:
+def after_calibration(calibration: Calibration, typed: Typed, rim: Collection[int]) -> NextStep:
     """Whether the radii agree with the configuration, and what to do next.
 
     Args:
-        found: Result of the calibration.
+        calibration: Result of the calibration.
         typed: What the user typed.
         rim: Axles whose wheel speed is given as speed of the rim.
 
     """
-    differing = [axle for axle in found.axles if differs(axle, found)]
+    differing = [axle for axle in calibration.axles if differs(axle, calibration)]
     target = typed.outputs.get("--out")
     if not differing:
         return NextStep("The radii agree with the configuration.", typed.on_inputs("diagnose"))

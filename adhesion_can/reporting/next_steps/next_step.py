@@ -83,7 +83,7 @@ class Typed:
 
     def new_file(self, stem: str) -> str:
         """Name for a further recording or table, in the format of the inputs."""
-        suffixes = [one for one in self.inputs[0].suffixes if one not in _PACKED]
+        suffixes = [suffix for suffix in self.inputs[0].suffixes if suffix not in _PACKED]
         return stem + "".join(suffixes[-1:])
 
 

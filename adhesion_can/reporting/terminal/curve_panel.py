@@ -222,15 +222,15 @@ def _severity(status: Status) -> float:
 
 def _status_row(points: Sequence[HistoryPoint], ages: Sequence[float], columns: int) -> Text:
     """The status in each column; the most severe one where several fall into it."""
-    found: dict[int, HistoryPoint] = {}
+    severest: dict[int, HistoryPoint] = {}
     for age, point in zip(ages, points, strict=True):
         column = min(int(age * columns), columns - 1)
-        if column not in found or _severity(point.status) > _severity(found[column].status):
-            found[column] = point
+        if column not in severest or _severity(point.status) > _severity(severest[column].status):
+            severest[column] = point
     text = Text()
     for column in range(columns):
-        if column in found:
-            status = found[column].status
+        if column in severest:
+            status = severest[column].status
             text.append(STATUS_LETTERS[status], STATUS_STYLES[status])
         else:
             text.append(" ")

@@ -66,7 +66,7 @@ def _facts(snapshot: Snapshot, view: MessageView, latest: LatestFrames | None) -
         return [Text("No frame of this message has been received.", "yellow")]
     frame = latest.latest
     age_ms = max(snapshot.t_us - frame.t_us, 0) / 1000
-    found = [
+    facts = [
         Text.assemble(
             (f"{len(frame.data)} bytes  ", "dim"), (frame.data.hex(" ").upper() or "-", "bold")
         ),
@@ -74,14 +74,14 @@ def _facts(snapshot: Snapshot, view: MessageView, latest: LatestFrames | None) -
         Text(_counts(view)),
     ]
     if latest.rejection is not None:
-        found.append(Text(f"The service rejects the latest frame: {latest.rejection}.", "yellow"))
+        facts.append(Text(f"The service rejects the latest frame: {latest.rejection}.", "yellow"))
     if latest.layout is None:
-        found.append(Text("The database does not have this id: only the bytes are known.", "dim"))
+        facts.append(Text("The database does not have this id: only the bytes are known.", "dim"))
     elif len(frame.data) != latest.layout.plan.size:
         size = latest.layout.plan.size
         what = "nothing is decoded" if len(frame.data) < size else "the first ones are decoded"
-        found.append(Text(f"The database says {size} bytes: {what}.", "yellow"))
-    return found
+        facts.append(Text(f"The database says {size} bytes: {what}.", "yellow"))
+    return facts
 
 
 def _pace(view: MessageView) -> str:
@@ -111,7 +111,7 @@ def _table(signals: Sequence[SignalView], width: int, height: int, first_row: in
         rest = [Text(f"{span}: arrow keys show the others", "dim")]
     shown = signals[first : first + room]
     head = [Text(), Text(heading, "dim")]
-    return [*head, *(_row(one, name, free - name) for one in shown), *rest]
+    return [*head, *(_row(signal, name, free - name) for signal in shown), *rest]
 
 
 def _row(signal: SignalView, name_width: int, note_width: int) -> Text:

@@ -85,8 +85,8 @@ def selected_message(
     messages: Sequence[MessageView], wanted: str, key: MessageKey | None
 ) -> MessageView | None:
     """The message with a key among those that match, else the first of them; None for none."""
-    found = matching(messages, wanted)
-    return next((view for view in found if view.key == key), found[0] if found else None)
+    matches = matching(messages, wanted)
+    return next((view for view in matches if view.key == key), matches[0] if matches else None)
 
 
 def message_panel(
@@ -108,16 +108,16 @@ def message_panel(
         key: Key that shows all of them, for the line that counts the rest; '' for none.
 
     """
-    found = matching(snapshot.messages, wanted)
+    matches = matching(snapshot.messages, wanted)
     room = height - 3
     rest = ""
-    if len(found) > room and first_row == 0:
+    if len(matches) > room and first_row == 0:
         # Sorting is stable: within a state the order stays.
-        found.sort(key=lambda view: _TROUBLE.get(view.state, 3))
-    shown = found[first_row : first_row + room]
-    if len(found) - first_row > room:
+        matches.sort(key=lambda view: _TROUBLE.get(view.state, 3))
+    shown = matches[first_row : first_row + room]
+    if len(matches) - first_row > room:
         shown = shown[:-1]
-        rest = _rest(found[first_row + len(shown) :], width - 2, key)
+        rest = _rest(matches[first_row + len(shown) :], width - 2, key)
     lines = _message_lines(shown, width, wanted, None)
     if rest:
         lines.append(Text(rest, "dim"))
@@ -137,16 +137,16 @@ def message_list(
         selected: Message that is selected; None, or one that does not match: the first one.
 
     """
-    found = matching(snapshot.messages, wanted)
+    matches = matching(snapshot.messages, wanted)
     chosen = selected_message(snapshot.messages, wanted, selected)
     legend = wrapped([Text(LIST_LEGEND, "dim")], width - 2, 2)
     room = height - 4 - len(legend)
-    index = 0 if chosen is None else found.index(chosen)
-    first = min(max(index - room // 2, 0), max(len(found) - room, 0))
-    lines = _message_lines(found[first : first + room], width, wanted, chosen)
-    hidden = len(found) - room
+    index = 0 if chosen is None else matches.index(chosen)
+    first = min(max(index - room // 2, 0), max(len(matches) - room, 0))
+    lines = _message_lines(matches[first : first + room], width, wanted, chosen)
+    hidden = len(matches) - room
     if hidden > 0:
-        span = f"{first + 1} to {first + room} of {len(found)} messages"
+        span = f"{first + 1} to {first + room} of {len(matches)} messages"
         lines.append(Text(f"{span}: arrow keys show the others", "dim"))
     lines += [Text()] * (height - 2 - len(legend) - len(lines))
     return _message_box([*lines, *legend], width, height, wanted)

@@ -187,10 +187,10 @@ def _printable(snapshot: Snapshot) -> Snapshot:
 
 def _header(snapshot: Snapshot, width: int, title: str) -> Text:
     transport = snapshot.transport
-    found, rate = _state_of(snapshot, transport), f"{snapshot.frame_rate:.0f}"
-    right = "  ".join([*found, f"{rate} frames/s"])
+    words, rate = _state_of(snapshot, transport), f"{snapshot.frame_rate:.0f}"
+    right = "  ".join([*words, f"{rate} frames/s"])
     if len(title) + len(right) + 4 > width:
-        right = "  ".join([*found, f"{rate}/s"])
+        right = "  ".join([*words, f"{rate}/s"])
     room = width - len(title) - len(right) - 4
     name = transport.name
     if cell_len(name) > room:
@@ -205,26 +205,26 @@ def _header(snapshot: Snapshot, width: int, title: str) -> Text:
 
 
 def _state_of(snapshot: Snapshot, transport: Transport) -> list[str]:
-    found = []
+    words = []
     if transport.recording:
-        found.append("REC")
+        words.append("REC")
     if transport.paused:
-        found.append("PAUSED")
+        words.append("PAUSED")
     if transport.origin is Origin.ESTIMATED_HERE:
-        found.append("estimated here")
+        words.append("estimated here")
     if transport.is_live:
-        found.append("live" if transport.is_open else "BUS DOWN")
-        found.append(f"{snapshot.time_s:.1f} s")
+        words.append("live" if transport.is_open else "BUS DOWN")
+        words.append(f"{snapshot.time_s:.1f} s")
     else:
         end = "" if transport.duration_s is None else f" of {transport.duration_s:.1f}"
-        found.append(f"{transport.position_s:.1f}{end} s")
+        words.append(f"{transport.position_s:.1f}{end} s")
         if transport.catching_up_s is not None:
-            found.append("CATCHING UP")
+            words.append("CATCHING UP")
         elif transport.is_at_end:
-            found.append("END")
+            words.append("END")
         else:
-            found.append("max" if isinf(transport.speed) else f"x{transport.speed:g}")
-    return found
+            words.append("max" if isinf(transport.speed) else f"x{transport.speed:g}")
+    return words
 
 
 def _overview(snapshot: Snapshot, width: int, height: int, options: ViewOptions) -> list[Text]:
