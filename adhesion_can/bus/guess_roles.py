@@ -5,6 +5,7 @@ neither is taken.
 """
 
 from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,19 +19,16 @@ from adhesion_can.bus.axle_numbers import (
     without_unnumbered,
 )
 from adhesion_can.bus.role_guess import GuessedRoles, RoleGuess
+from adhesion_can.bus.role_specs import ROLE_SPECS, to_si
 from adhesion_can.bus.role_words import (
     AGAINST,
     AXLE_MESSAGES,
     FORCES,
     GROUPS,
     ONE_WHEEL,
-    OTHERS,
-    PAIRS,
     PLAIN,
     SIDES,
-    SINGLE,
     SPEED,
-    STATES,
     VEHICLE_WHOLE,
     WHEEL,
     bogie_number,
@@ -40,7 +38,7 @@ from adhesion_can.bus.role_words import (
 from adhesion_can.bus.shared_signals import find_shared
 from adhesion_can.bus.signal_columns import find_obstacle
 from adhesion_can.bus.signal_signs import Signs, signs_of
-from adhesion_can.bus.units import UNITS, find_factor, to_si
+from adhesion_can.bus.units import find_factor
 from adhesion_can.physics.readings import PER_AXLE, SPEED_AIDS, Role
 from adhesion_can.physics.vehicle import MOST_AXLES
 
@@ -224,7 +222,10 @@ def _of_axle(guess: RoleGuess, place: _Place, words: Collection[str]) -> RoleGue
 
 def _is_any_force(guess: RoleGuess, signal_words: set[str]) -> bool:
     """Whether neither the words nor the signs of a force show what it is."""
-    return signal_words & SINGLE[guess.role] <= FORCES and signs_of(guess.signal) is Signs.POSITIVE
+    return (
+        signal_words & ROLE_SPECS[guess.role].words <= FORCES
+        and signs_of(guess.signal) is Signs.POSITIVE
+    )
 
 
 def _points_of_signs(role: Role, signal: Signal, signal_words: set[str]) -> int | None:
@@ -240,14 +241,14 @@ def _points_of_signs(role: Role, signal: Signal, signal_words: set[str]) -> int 
         return 1 if signs is Signs.POSITIVE else 0
     if signs is Signs.BOTH:
         return None
-    if signal_words & SINGLE[role] <= FORCES:
+    if signal_words & ROLE_SPECS[role].words <= FORCES:
         return 1 if signs is Signs.POSITIVE else None
     return 0
 
 
 def _kind(role: Role, signal: Signal) -> str:
     """What besides the name speaks for a role: its unit or its values; '' where nothing does."""
-    if role in STATES:
+    if ROLE_SPECS[role].states:
         return _states(role, signal)
     known = to_si(role, signal.unit or "", 1.0 if role in PER_AXLE else None)
     return "" if known is None else "unit"
@@ -255,18 +256,16 @@ def _kind(role: Role, signal: Signal) -> str:
 
 def _named(role: Role, words: Sequence[str], around: Sequence[str]) -> int:
     """Points of the names for a role; 0 where they do not fit."""
-    signal_words, both = set(words), {*words, *around}
-    if signal_words & OTHERS.get(role, frozenset()) or (
-        role is Role.SPEED_SOURCE and not both & SPEED
-    ):
+    spec, signal_words, both = ROLE_SPECS[role], set(words), {*words, *around}
+    if signal_words & spec.against or (role is Role.SPEED_SOURCE and not both & SPEED):
         return 0
     if role is Role.VEHICLE_SPEED and "".join(words) in VEHICLE_WHOLE:
         return 3
     if role is Role.VEHICLE_SPEED and both & WHEEL:
         return 0
-    if role in SINGLE:
-        return 2 if signal_words & SINGLE[role] else 0
-    return _two(signal_words, both, *PAIRS[role])
+    if spec.words:
+        return 2 if signal_words & spec.words else 0
+    return _two(signal_words, both, *spec.of_thing)
 
 
 def _named_by_wheel(signal: Signal, words: Sequence[str]) -> int:
@@ -275,13 +274,16 @@ def _named_by_wheel(signal: Signal, words: Sequence[str]) -> int:
     With the unit of a speed the name may say nothing but the wheel: other things move, too.
     """
     signal_words = set(words)
-    turns = find_factor(UNITS[Role.WHEEL_SPEED], signal.unit or "") is not None
+    spec = ROLE_SPECS[Role.WHEEL_SPEED]
+    turns = find_factor(spec.units, signal.unit or "") is not None
     bare = all(len(word) == 1 for word in signal_words - WHEEL - PLAIN)
-    is_wheel = signal_words & WHEEL and not signal_words & OTHERS[Role.WHEEL_SPEED]
+    is_wheel = signal_words & WHEEL and not signal_words & spec.against
     return 2 if is_wheel and (turns or bare) else 0
 
 
-def _two(signal_words: set[str], both: set[str], quantity: set[str], thing: set[str]) -> int:
+def _two(
+    signal_words: set[str], both: set[str], quantity: AbstractSet[str], thing: AbstractSet[str]
+) -> int:
     """Points of a quantity of a thing, where the message may name either."""
     if signal_words & quantity and signal_words & thing:
         return 3
@@ -293,5 +295,5 @@ def _states(role: Role, signal: Signal) -> str:
     if not signal.choices:
         return "one bit" if role is Role.SANDING and signal.length == 1 else ""
     named = {int(raw): set(split_words(str(text))[0]) for raw, text in signal.choices.items()}
-    fits = all(named.get(raw, set()) & words for raw, words in STATES[role].items())
+    fits = all(named.get(raw, set()) & words for raw, words in ROLE_SPECS[role].states.items())
     return "value table" if fits else ""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.role_guess import GuessedRoles
-from adhesion_can.bus.role_words import PAIRS, SINGLE, WHEEL, split_words
+from adhesion_can.bus.role_specs import ROLE_SPECS, to_si
+from adhesion_can.bus.role_words import WHEEL, split_words
 from adhesion_can.bus.signal_columns import find_obstacle
 from adhesion_can.bus.signal_signs import Signs, signs_of
-from adhesion_can.bus.units import to_si
 from adhesion_can.physics.readings import REQUIRED, Role
 
 
@@ -59,14 +59,13 @@ def candidates(
         role: Role that was not found.
 
     """
-    ranked = []
+    spec, ranked = ROLE_SPECS[role], []
     for message in messages:
         for signal in message.signals:
             uses = guessed.uses_of(f"{message.name}.{signal.name}", role)
             candidate = RoleCandidate(message, signal, tuple(uses))
             words = {*split_words(signal.name)[0], *split_words(message.name)[0]}
-            known = SINGLE[role] if role in SINGLE else PAIRS[role][1]
-            named = len(words & known)
+            named = len(words & (spec.words or spec.of_thing[1]))
             if not _has_unit(role, signal, words) or find_obstacle(signal, message):
                 continue
             if role in REQUIRED or (named and not candidate.uses):

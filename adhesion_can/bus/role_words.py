@@ -1,13 +1,10 @@
-"""Words of names in databases, and what each says about the role of a signal.
+"""Words of names in databases, and the parts of a name; `role_specs` has the words of each role.
 
 Words are in lower case and without umlauts; languages are mixed, as in the databases of trains.
 """
 
 import re
-from collections.abc import Mapping
 from typing import NamedTuple
-
-from adhesion_can.physics.readings import Role
 
 WHEEL = {"wheel", "whl", "wheelset", "wheelspeed", "whlspd", "axle", "axl", "ax", "axis",
           "radsatz", "rs", "rad", "achse", "achs", "omega", "essieu", "ess", "roue", "eje", "rueda",
@@ -17,30 +14,12 @@ ONE_WHEEL = {"wheel", "whl", "rad", "radlast", "roue", "rueda", "ruota"}
 SPEED = {"speed", "spd", "velocity", "vel", "v", "n", "omega", "w", "drehzahl", "rpm",
           "geschwindigkeit", "geschw", "vitesse", "velocidad", "velocita", "rotspeed", "tacho",
           "whlspd", "wheelspeed"}  # fmt: skip
-_VEHICLE = {"vehicle", "veh", "train", "ground", "fahrzeug", "fzg", "zug", "loco", "radar",
-            "gnss", "gps", "odometry", "odometer", "odo", "ist", "true", "actual", "act", "fahr",
-            "trein", "tram", "vehicule", "rame", "treno", "tren", "veicolo"}  # fmt: skip
 VEHICLE_WHOLE = {"vehiclespeed", "groundspeed", "trainspeed", "fahrgeschwindigkeit", "vfzg",
                   "vveh", "vist", "vtrain", "zuggeschwindigkeit"}  # fmt: skip
-_EFFORT = {"effort", "te", "zugkraft", "antriebskraft", "tractiveeffort", "tractive", "traction",
-           "traktion", "tracteff", "rimforce", "fx", "effortrim", "zk"}  # fmt: skip
 FORCES = {"force", "kraft", "f", "fuerza", "forza"}
 """Words of any force: an effort, and a load where it has no negative values."""
 FZ = {"fz"}
 """Word of the vertical force, and of the German 'Zugkraft': the range decides."""
-_LOAD = {"load", "weight", "last", "achslast", "radlast", "radsatzlast", "axleload", "axload",
-         "charge", "normal", "gewicht", "carga", "poids", "peso", "masse", "mass"}  # fmt: skip
-_WHOLE = {"vehicle", "veh", "train", "fahrzeug", "fzg", "loco", "tram", "wagen", "car", "body",
-          "kasten", "caisse", "rame", "treno", "tren"}  # fmt: skip
-_AMBIENT = {"ambient", "outside", "outdoor", "aussen", "umgebung", "air", "amb", "luft"}
-_RAIL = {"rail", "schiene", "schienen"}
-_TEMPERATURE = {"temperature", "temp", "temperatur", "tmp", "t"}
-_HUMIDITY = {"humidity", "hum", "rh", "feuchte", "luftfeuchte", "relativehumidity", "humidite"}
-_SANDING = {"sand", "sanding", "sander", "sandung", "sandstreuer", "sablage", "sanden"}
-_RAIN = {"rain", "regen", "rainsensor", "pluie", "wiper"}
-_GRADIENT = {"gradient", "grade", "slope", "steigung", "neigung", "pente"}
-_CURVATURE = {"curvature", "curv", "kruemmung", "courbure"}
-_DIRECTION = {"direction", "dir", "fahrtrichtung", "richtung", "reverser", "sens"}
 SOURCE = {"source", "src", "quelle"}
 AGAINST = {"setpoint", "set", "soll", "demand", "dmd", "req", "request", "target", "max", "min",
             "limit", "lim", "avail", "available", "valid", "validity", "quality", "status", "stat",
@@ -83,49 +62,6 @@ GROUPS = {
 }
 """Words of what may drive several axles, and the English one."""
 SIDES = {"l", "r", "left", "right", "fl", "fr", "rl", "rr", "links", "rechts"}
-STATES: Mapping[Role, Mapping[int, frozenset[str]]] = {
-    Role.SPEED_SOURCE: {
-        1: frozenset({"radar"}),
-        2: frozenset({"gnss", "gps"}),
-        3: frozenset({"trailing"}),
-        4: frozenset({"derived"}),
-    },
-    Role.DIRECTION: {
-        1: frozenset({"forward", "forwards", "vorwaerts", "vor", "fwd"}),
-        2: frozenset({"reverse", "backward", "backwards", "rueckwaerts", "rev"}),
-    },
-    Role.RAIN: {0: frozenset({"none", "no", "dry", "off", "kein"})},
-    Role.SANDING: {0: frozenset({"off", "no", "aus", "inactive", "false"})},
-}
-"""Words that the value table has for raw values, where a role is a state; those of the contract."""
-
-
-PAIRS: Mapping[Role, tuple[set[str], set[str]]] = {
-    Role.WHEEL_SPEED: (SPEED, WHEEL),
-    Role.VEHICLE_SPEED: (SPEED, _VEHICLE),
-    Role.AMBIENT_TEMPERATURE: (_TEMPERATURE, _AMBIENT),
-    Role.RAIL_TEMPERATURE: (_TEMPERATURE, _RAIL),
-}
-"""Words of the quantity and of the thing that has it, by role."""
-SINGLE: Mapping[Role, set[str]] = {
-    Role.TRACTIVE_EFFORT: _EFFORT | FORCES | FZ,
-    Role.AXLE_LOAD: _LOAD | FORCES | FZ,
-    Role.SPEED_SOURCE: SOURCE,
-    Role.HUMIDITY: _HUMIDITY,
-    Role.SANDING: _SANDING,
-    Role.RAIN: _RAIN,
-    Role.GRADIENT: _GRADIENT,
-    Role.CURVATURE: _CURVATURE,
-    Role.DIRECTION: _DIRECTION,
-}
-"""Words of roles of which one says all."""
-OTHERS: Mapping[Role, frozenset[str]] = {
-    Role.WHEEL_SPEED: frozenset(_VEHICLE - {"act", "ist", "actual", "true"}),
-    Role.VEHICLE_SPEED: frozenset(WHEEL | SOURCE),
-    Role.TRACTIVE_EFFORT: frozenset(_LOAD),
-    Role.AXLE_LOAD: frozenset(_EFFORT | _WHOLE),
-}
-"""Words of the signal's own name that make it another quantity."""
 
 
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "é": "e", "è": "e",
@@ -183,8 +119,8 @@ def split_words(name: str) -> tuple[list[str], int | None]:
     Of several numbers the one behind a word for an axle counts.
     """
     parts = split_name(name)
-    one = parts.of_axles if len(parts.of_axles) == 1 else parts.numbers
-    return parts.words, one[0] if len(one) == 1 else None
+    numbers = parts.of_axles if len(parts.of_axles) == 1 else parts.numbers
+    return parts.words, numbers[0] if len(numbers) == 1 else None
 
 
 def counts_axles(name: str) -> bool:
@@ -194,8 +130,8 @@ def counts_axles(name: str) -> bool:
 
 def bogie_number(name: str) -> int | None:
     """Number of a bogie in a name; None where it has none, or more than one."""
-    found = split_name(name).of_bogies
-    return found[0] if len(found) == 1 else None
+    numbers = split_name(name).of_bogies
+    return numbers[0] if len(numbers) == 1 else None
 
 
 def split_name(name: str) -> Words:

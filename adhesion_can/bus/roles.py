@@ -8,8 +8,8 @@ from cantools.database.can import Message, Signal
 
 from adhesion_can.bus.codec import MessagePlan, SignalPlan
 from adhesion_can.bus.database import CanDatabase, cycle_us, e2e_data_id
+from adhesion_can.bus.role_specs import ROLE_SPECS, known_units, to_si
 from adhesion_can.bus.signal_columns import find_obstacle
-from adhesion_can.bus.units import known_units, to_si
 from adhesion_can.errors import ConfigError
 from adhesion_can.physics.readings import REQUIRED, Role, role_name
 
@@ -129,28 +129,17 @@ class BoundMessage:
 
 def packaged_choices() -> list[SignalChoice]:
     """Signals of the packaged message set with their roles."""
-    per_axle = {
-        Role.WHEEL_SPEED: ("WheelSpeeds", "WheelSpeed"),
-        Role.TRACTIVE_EFFORT: ("TractiveEffort", "TractiveEffort"),
-        Role.AXLE_LOAD: ("AxleLoads", "AxleLoad"),
-    }
-    single = {
-        Role.VEHICLE_SPEED: ("VehicleSpeed", "VehicleSpeed"),
-        Role.SPEED_SOURCE: ("VehicleSpeed", "VehicleSpeedSource"),
-        Role.DIRECTION: ("VehicleSpeed", "Direction"),
-        Role.AMBIENT_TEMPERATURE: ("Environment", "AmbientTemperature"),
-        Role.RAIL_TEMPERATURE: ("Environment", "RailTemperature"),
-        Role.HUMIDITY: ("Environment", "RelativeHumidity"),
-        Role.SANDING: ("Environment", "SandingActive"),
-        Role.RAIN: ("Environment", "Rain"),
-        Role.GRADIENT: ("TrackGeometry", "Gradient"),
-        Role.CURVATURE: ("TrackGeometry", "Curvature"),
-    }
+    signals = [(role, *spec.signal) for role, spec in ROLE_SPECS.items() if spec.signal]
     return [
         SignalChoice(role, axle, f"{message}{1 + (axle - 1) // 3}", f"{signal}_Ax{axle}")
-        for role, (message, signal) in per_axle.items()
+        for role, message, signal in signals
+        if role.per_axle
         for axle in range(1, 7)
-    ] + [SignalChoice(role, 0, message, signal) for role, (message, signal) in single.items()]
+    ] + [
+        SignalChoice(role, 0, message, signal)
+        for role, message, signal in signals
+        if not role.per_axle
+    ]
 
 
 OPTIONAL_MESSAGES = frozenset({"AxleLoads1", "AxleLoads2", "Environment", "TrackGeometry"})

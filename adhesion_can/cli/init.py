@@ -8,8 +8,8 @@ from pathlib import Path
 from adhesion_can.bus.database import load_database
 from adhesion_can.bus.guess_roles import guess_roles
 from adhesion_can.bus.role_candidates import torques
+from adhesion_can.bus.role_specs import known_units
 from adhesion_can.bus.shared_signals import SHARED_ROLES
-from adhesion_can.bus.units import known_units
 from adhesion_can.cli.common import (
     add_lenient,
     require_database,

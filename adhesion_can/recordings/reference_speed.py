@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adhesion_can.arrays import Array
-from adhesion_can.bus.units import UNITS, find_factor, known_units
+from adhesion_can.bus.role_specs import ROLE_SPECS, known_units
+from adhesion_can.bus.units import find_factor
 from adhesion_can.errors import TableError
 from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.tables.headings import find_column, name_columns
@@ -59,7 +60,7 @@ def read_reference(option: str) -> tuple[NDArray[np.int64], Array]:
             str(path), f"more than one column ({', '.join(others)})", f"write {path}:COLUMN"
         )
     name = find_column(column or others[0], others, units, str(path))
-    factor = find_factor(UNITS[Role.VEHICLE_SPEED], units[name] or "m/s")
+    factor = find_factor(ROLE_SPECS[Role.VEHICLE_SPEED].units, units[name] or "m/s")
     if factor is None:
         fix = f"write one of {known_units(Role.VEHICLE_SPEED)}"
         raise TableError(str(path), f"{name!r} has the unknown unit {units[name]!r}", fix)

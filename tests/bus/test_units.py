@@ -4,10 +4,12 @@ from math import pi
 
 import pytest
 
-from adhesion_can.bus.units import UNITS, find_factor, to_si
+from adhesion_can.bus.role_specs import ROLE_SPECS, to_si
+from adhesion_can.bus.units import find_factor
 from adhesion_can.physics.readings import Role
 from adhesion_can.recordings.tables.choice import COLUMN_UNITS
 
+ALL_UNITS = (*(spec.units for spec in ROLE_SPECS.values()), *COLUMN_UNITS.values())
 ANGULAR = {
     pi / 30: ("rpm", "RPM", "1/min", "U/min", "u / min", "r/min", "rev/min", "min-1", "min⁻¹",
               "min^-1", "min−1", "/min"),
@@ -74,12 +76,12 @@ def test_what_is_another_quantity_or_may_be_is_not_taken(role, unit):
 
 
 def test_every_unit_has_the_factor_that_its_table_states():
-    for units in (*UNITS.values(), *COLUMN_UNITS.values()):
+    for units in ALL_UNITS:
         for unit, factor in units.items():
             assert find_factor(units, unit) == factor
 
 
 def test_what_nobody_knows_is_no_unit_of_anything():
-    for units in (*UNITS.values(), *COLUMN_UNITS.values()):
+    for units in ALL_UNITS:
         assert find_factor(units, "knots") is None
         assert find_factor(units, "bar") is None

@@ -133,7 +133,7 @@ def test_what_is_particular_to_an_effect_stands_in_its_definition_alone():
     exempt = {
         *(package / "physics" / "readings.py", package / "physics" / "channels.py"),
         package / "config" / "vehicle_section.py",
-        package / "bus" / "role_words.py",
+        package / "bus" / "role_specs.py",
         # An effect in the user's own quantities, with the setting that corrects it: presentation.
         *(package / "reporting" / "next_steps").glob("*.py"),
         package / "learning" / "sentences.py",

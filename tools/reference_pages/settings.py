@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any
 
-from adhesion_can.bus.units import UNITS, known_units
+from adhesion_can.bus.role_specs import ROLE_SPECS, known_units
 from adhesion_can.config.configuration import Configuration
 from adhesion_can.config.roles_section import _RoleTable
 from adhesion_can.config.table_section import _ColumnTable
@@ -180,8 +180,8 @@ def as_toml(value: object) -> str:
 def role_rows() -> list[list[str]]:
     """Roles with the units that they take."""
     rows = []
-    for role in UNITS:
+    for role, spec in ROLE_SPECS.items():
         name = f"{role}.AXLE" if role.per_axle else str(role)
-        units = "a number" if "" in UNITS[role] else known_units(role)
+        units = "a number" if "" in spec.units else known_units(role)
         rows.append([code(name), units])
     return rows

@@ -6,7 +6,8 @@ from math import isfinite
 
 import numpy as np
 
-from adhesion_can.bus.units import UNITS, find_factor
+from adhesion_can.bus.role_specs import ROLE_SPECS
+from adhesion_can.bus.units import find_factor
 from adhesion_can.errors import InputError, TableError
 from adhesion_can.physics.channels import CHANNELS
 from adhesion_can.physics.readings import Role
@@ -17,11 +18,11 @@ _TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, 
          "h": 3600.0}  # fmt: skip
 _NUMBER = {"": 1.0, "-": 1.0, "1": 1.0}
 COLUMN_UNITS: Mapping[str, Mapping[str, float]] = {
-    **{c.column: UNITS[c.role] for c in CHANNELS if c.column and c.role is not None},
+    **{c.column: ROLE_SPECS[c.role].units for c in CHANNELS if c.column and c.role is not None},
     "time_s": _TIME,
     "slip": _RATIO,
     "adhesion": _RATIO,
-    "longitudinal_force_N": UNITS[Role.TRACTIVE_EFFORT],
+    "longitudinal_force_N": ROLE_SPECS[Role.TRACTIVE_EFFORT].units,
     "axle": _NUMBER,
     "segment": _NUMBER,
 }
