@@ -24,8 +24,8 @@ settings.register_profile(
 )
 
 ROOT = Path(__file__).resolve().parent.parent
-DRAWN = 8
-"""One slow test of so many is drawn."""
+DRAWN, DRAWN_LONG = 8, 64
+"""One slow test of so many is drawn, and of those that take longer than a minute."""
 COVERING = {
     *(f"bus/test_{name}.py" for name in ("acceptance", "e2e", "j1939", "receiver", "stuck_signal")),
     *(f"service/test_{name}.py" for name in ("core", "output_messages", "outputs", "schedule")),
@@ -37,7 +37,10 @@ COVERING = {
 def pytest_addoption(parser):
     group = parser.getgroup("adhesion-can")
     group.addoption(
-        "--drawn", metavar="WORD", help=f"of the slow tests only one in {DRAWN}, drawn by this word"
+        "--drawn",
+        metavar="WORD",
+        help=f"of the slow tests one in {DRAWN}, of the long ones one in {DRAWN_LONG}, drawn by "
+        "this word",
     )
     group.addoption(
         "--branch-coverage", action="store_true", help="coverage of what must not be wrong"
@@ -55,9 +58,17 @@ def pytest_collection_finish():
     gc.freeze()
 
 
-def is_drawn(word, name):
-    """Whether a word draws a slow test by its name: the same in each process."""
-    return hashlib.sha256(f"{word} {name}".encode()).digest()[0] % DRAWN == 0
+def draw(word, names, of):
+    """One in `of` of these tests, spread evenly over their files, drawn by a word.
+
+    What is drawn of many tests takes nearly the same time for every word: a systematic sample.
+    """
+
+    def order(name):
+        return name.partition("::")[0], hashlib.sha256(f"{word} {name}".encode()).digest()
+
+    first = hashlib.sha256(word.encode()).digest()[0] % of
+    return set(sorted(names, key=order)[first::of])
 
 
 @pytest.hookimpl(trylast=True)
@@ -65,9 +76,14 @@ def pytest_collection_modifyitems(config, items):
     word = config.getoption("drawn")
     if word is None:
         return
-    left = [i for i in items if i.get_closest_marker("slow") and not is_drawn(word, i.nodeid)]
+    slow = {item for item in items if item.get_closest_marker("slow")}
+    long = {item for item in slow if item.get_closest_marker("long")}
+    drawn = draw(word, [item.nodeid for item in slow - long], DRAWN) | draw(
+        word, [item.nodeid for item in long], DRAWN_LONG
+    )
+    left = [item for item in items if item in slow and item.nodeid not in drawn]
     config.hook.pytest_deselected(items=left)
-    items[:] = [one for one in items if one not in set(left)]
+    items[:] = [item for item in items if item not in slow or item.nodeid in drawn]
 
 
 class CoverageOfSome:

@@ -52,6 +52,7 @@ def test_controller(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_diagnose(tmp_path):
     out = run_example("diagnose.py", 60, tmp_path)
     assert "named:   load_dependence" in out

@@ -56,6 +56,7 @@ def run_commands(installed, folder, *commands):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1200)
 def test_an_installed_effect_is_simulated_diagnosed_and_replayed(installed, tmp_path):
     drive = ("simulate", "--scenario", "sweep", "--duration", str(DURATION_S))

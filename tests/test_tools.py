@@ -3,11 +3,12 @@
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import DRAWN, is_drawn
+from tests.conftest import DRAWN, draw
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -78,11 +79,25 @@ def test_of_the_slow_tests_an_eighth_is_drawn_and_all_others_stay():
     every, quick = collected(), collected("-m", "not slow")
     drawn = collected("--drawn", "a")
     assert quick < every
-    assert drawn == quick | {name for name in every - quick if is_drawn("a", name)}
+    assert drawn == quick | draw("a", every - quick, DRAWN)
+
+
+SLOW = [f"tests/{file}.py::test_b[{number}]" for file in "abc" for number in range(20)] + [
+    f"tests/{file}.py::test_b" for file in "defghi"
+]
 
 
 def test_each_slow_test_is_drawn_by_one_commit_in_eight():
     commits = [f"{number:x}" for number in range(4000)]
-    for name in ("tests/a.py::test_b", "tests/a.py::test_b[c]"):
-        share = sum(is_drawn(one, name) for one in commits) / len(commits)
-        assert share == pytest.approx(1 / DRAWN, rel=0.25)  # five standard deviations
+    counts = Counter(name for commit in commits for name in draw(commit, SLOW, DRAWN))
+    for name in SLOW:
+        assert counts[name] / len(commits) == pytest.approx(1 / DRAWN, rel=0.25)  # 5 deviations
+
+
+@pytest.mark.parametrize("commit", ["8c39c147", "15c0bacb", "a"])
+def test_what_is_drawn_is_an_eighth_of_each_file(commit):
+    drawn = draw(commit, SLOW, DRAWN)
+    assert drawn == draw(commit, SLOW[::-1], DRAWN)
+    assert len(drawn) in (len(SLOW) // DRAWN, len(SLOW) // DRAWN + 1)
+    of_file = Counter(name.partition("::")[0] for name in drawn)
+    assert all(of_file[f"tests/{file}.py"] in (2, 3) for file in "abc")

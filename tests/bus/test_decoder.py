@@ -293,6 +293,7 @@ def test_columns_equal_cantools(known, seed):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @LONG
 @given(known=databases(), seed=SEEDS)
 def test_columns_equal_cantools_at_length(known, seed):

@@ -14,6 +14,7 @@ SETTLED_S = 20.0
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_rail_in_polachs_form_is_doubted_until_a_model_has_its_shape(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

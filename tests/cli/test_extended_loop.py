@@ -196,6 +196,7 @@ the noise, 0.0104."""
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_over_a_whole_drive_mu_max_comes_closer_to_the_truth(tmp_path, effect):

@@ -56,6 +56,7 @@ def test_the_signal_is_named_with_its_label_and_unit(diagnosed):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_model_works_online(bench, diagnosed, capsys):
     folder, log, config = bench
     _, model = diagnosed

@@ -23,6 +23,7 @@ def diagnose(document, *arguments):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_of_an_unlisted_mechanism_no_explanation_is_left(tmp_path, capsys):
     assert KIND in OPEN
     assert not MECHANISMS[KIND.partition(":")[2]].acceptable

@@ -331,6 +331,7 @@ def test_whatever_is_wrong_with_the_signals_it_answers(faults, gone, tmp_path_fa
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1200)
 @settings(max_examples=60, phases=[Phase.reuse, Phase.generate])
 @given(faults=st.lists(FAULTS, max_size=3), gone=st.lists(GONE, max_size=3))

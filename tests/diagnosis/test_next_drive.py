@@ -369,6 +369,7 @@ def test_a_rival_without_a_law_is_named_where_there_is_no_plan(rivalled, monkeyp
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_of_two_long_recordings_one_is_held_out_and_the_explanations_are_compared(tmp_path):
     """A short drive was no use where there were two long ones."""
     effects = ["effort_delay=0.02"]

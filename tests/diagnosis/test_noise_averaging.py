@@ -38,6 +38,7 @@ def test_noise_of_the_slip_is_no_relaxation(tmp_path, seed):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_contact_that_lags_is_named(tmp_path):
     """Three of four drives, with noise of the slip besides."""
     lengths = []

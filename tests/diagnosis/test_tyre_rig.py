@@ -43,6 +43,7 @@ def test_straight_running_names_the_load(realdata, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_with_all_rows_the_load_and_the_lateral_slip_come_closest(realdata, tmp_path):
     """The tyre leans and runs at an angle: a contact that is not the library's gets no name."""
     path, *_ = rows_of(realdata)

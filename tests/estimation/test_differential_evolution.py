@@ -295,6 +295,7 @@ def test_noise_free_data_beyond_the_peak_give_the_surface_back(c1, c2, log_c3, b
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_noise_free_data_beyond_the_peak_give_nearly_every_surface_back():
     # Down to c3 = 1e-3, where the fall within the data is a thousandth: one in a thousand fails.
     rng = np.random.default_rng(6)

@@ -151,6 +151,7 @@ def test_settings_that_make_no_sense_are_rejected(bad):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_wrong_noise_costs_little_where_it_is_estimated():
     # A quarter of the speeds' noise is configured. Of 24 drives the interval of λ_m holds 15 times
     # then, and 21 times with the noise estimated; its errors are 2.2 and 1.3 standard deviations.

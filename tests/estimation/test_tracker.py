@@ -431,6 +431,7 @@ def test_coasting_at_low_speed_identifies_no_peak(error, size, count, frames):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("frames", [False, True], ids=["a stamp each", "one stamp"])
 @pytest.mark.parametrize("level", [0.0, 0.005])
@@ -443,6 +444,7 @@ def test_slips_of_noise_identify_no_peak_in_200_drives(error, size, level, frame
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("size", [0.003, 0.01, 0.03])
 @pytest.mark.parametrize("error", ["slip_var", "slip_common_var"])

@@ -436,6 +436,7 @@ def test_the_bound_of_experiment_1_has_found_what_the_paper_reports():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_papers_changes_narrow_the_spread_of_its_parameters():
     # What experiment 3 reports against experiment 2. At sd 0.1 the spread is that of the data: the
     # ordinary search ends at the optimum too.

@@ -152,6 +152,7 @@ def work(tmp_path, seed, effects, steps=("calibrate", "diagnose"), config=CONFIG
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("seeds", [range(400, 402), range(402, 408)])
 def test_worn_wheels_and_an_effect_are_both_told_and_worn_wheels_alone_as_nothing_else(
     tmp_path, seeds

@@ -92,6 +92,7 @@ def test_a_residual_over_a_flat_slope_is_no_error_of_the_slip(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("hidden", HIDDEN, ids=lambda one: one.effect)
 def test_pooled_sizes_cover_the_truth(tmp_path, hidden):
     """Of 20 fleets of two drives: 4 in 5 within 2 standard errors of the truth, 9 in 10 within 3.

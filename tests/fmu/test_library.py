@@ -129,6 +129,7 @@ def test_every_function_of_the_interface_is_exported_and_nothing_else(unpacked):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", PLATFORMS)
 def test_zig_compiles_for_every_platform(name, monkeypatch, tmp_path):
     pytest.importorskip("ziglang", reason="needs the extra 'fmu'")

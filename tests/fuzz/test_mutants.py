@@ -17,7 +17,8 @@ IN_A_PROCESS = ".mf4"
 
 
 EACH_KIND = [
-    pytest.param(kind, marks=pytest.mark.slow) if kind == IN_A_PROCESS else kind for kind in KINDS
+    pytest.param(kind, marks=(pytest.mark.slow, pytest.mark.long)) if kind == IN_A_PROCESS else kind
+    for kind in KINDS
 ]
 
 

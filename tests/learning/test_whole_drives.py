@@ -73,6 +73,7 @@ def frames_of(log):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_speed_that_is_off_is_proposed_confirmed_and_loaded(tmp_path):
     """In at least two of three drives; whatever is confirmed has the right size."""
     confirmed = 0
@@ -102,6 +103,7 @@ def test_in_sound_drives_nothing_is_proposed(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_sensor_that_goes_off_in_the_middle_in_simulated_time(tmp_path):
     log = tmp_path / "drive.log"
     write_fault_in_the_middle(log, 440.0)
@@ -161,6 +163,7 @@ class CorrectedService:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_a_sensor_goes_off_is_corrected_goes_back_and_the_model_is_dropped(tmp_path):
     """In simulated time; the log with its changes of the model is replayed to the same bytes.

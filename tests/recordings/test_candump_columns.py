@@ -392,6 +392,7 @@ def test_any_log_is_read_as_line_by_line(folder, seed, size):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 @settings(max_examples=3000, deadline=None)
 @given(seed=st.integers(0, 1 << 32), size=st.sampled_from([1, 7, 46, 1000, 1 << 20]))

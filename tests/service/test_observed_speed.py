@@ -143,6 +143,7 @@ def served(config, name, seed):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_with_reliefs_and_excursions_the_peak_is_known_half_of_the_time(observing):
     """In the mean of six drives, and where it is known it is right."""
     shares = []

@@ -14,6 +14,7 @@ from adhesion_can.simulation.scenarios import scenario_by_name
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_minutes_of_closed_loop_hold_memory_and_find_every_rail():
     config = load_configuration()
