@@ -130,6 +130,7 @@ def test_python_has_it_too(named):
     assert "as written" in found._repr_html_()
 
 
+@pytest.mark.slow
 def test_a_recording_of_frames_gives_the_figures_of_its_diagnosis(tmp_path):
     make_world("sanding", 7, tmp_path / "a.log", duration_s=110.0, fresh=True)
     model = tmp_path / "m.toml"

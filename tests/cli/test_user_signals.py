@@ -16,11 +16,9 @@ SIGNAL = "Environment.RelativeHumidity"
 CHANNEL = f'[channels]\nfilm = {{ signal = "{SIGNAL}", unit = "um", label = "oil film" }}\n'
 
 
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
+def drive_and_configuration(folder, duration_s):
     """A drive that depends on a signal, and a configuration that lists it as a channel."""
-    folder = tmp_path_factory.mktemp("channels")
-    what = ["--scenario", "sweep", "--duration", "150", "--seed", "4"]
+    what = ["--scenario", "sweep", "--duration", str(duration_s), "--seed", "4"]
     log = folder / "drive.log"
     assert main(["simulate", *what, "--effect", f"humidity={SLOPE}", "--log", str(log)]) == 0
     roles = [
@@ -31,6 +29,11 @@ def bench(tmp_path_factory):
     config = folder / "mine.toml"
     config.write_text("\n".join(["[roles]", *roles, CHANNEL]))
     return folder, log, config
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    return drive_and_configuration(tmp_path_factory.mktemp("channels"), 150)
 
 
 @pytest.fixture(scope="module")
@@ -74,13 +77,10 @@ def test_the_model_works_online(bench, diagnosed, capsys):
     assert "channel:film needs film" in capsys.readouterr().err
 
 
-def test_samples_carry_the_channel(bench):
-    folder, log, config = bench
+def test_samples_carry_the_channel(tmp_path):
+    folder, log, config = drive_and_configuration(tmp_path, 6)
     path = folder / "s.csv"
-    assert (
-        main(["replay", str(log), "--config", str(config), "--samples", str(path), "--to", "6"])
-        == 0
-    )
+    assert main(["replay", str(log), "--config", str(config), "--samples", str(path)]) == 0
     head, *rows = path.read_text().splitlines()
     place = head.split(",").index("film")
     values = np.array([float(row.split(",")[place]) for row in rows[3000:]])

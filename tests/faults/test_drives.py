@@ -30,16 +30,13 @@ get worse. docs/operation.md says how often they do."""
 OF_PAIRS = {6: 0.16, 16: 0.05}
 """Likewise for pairs by number: spikes and steps of the signals' resolution."""
 PAIRS = 20
-QUICK = (
-    "real_wet_rail",
-    "wheels_fast",
-    "speed_less",
-    "efforts_more",
-)
+QUICK = ("wheels_fast", "efforts_more")
 """Kinds that are played each time, in one drive each."""
+SLOW = ("real_wet_rail", "speed_less", "nothing", "wheels_at_rest")
+"""Kinds that are played so among the slow tests."""
 
 
-@pytest.mark.parametrize("name", first_quick((*QUICK, "nothing", "wheels_at_rest"), len(QUICK)))
+@pytest.mark.parametrize("name", first_quick((*QUICK, *SLOW), len(QUICK)))
 def test_a_fault_is_not_followed_for_long(name):
     one = play(name, make_case(name, KINDS[name].sizes[0], 2, stays=True))
     assert one.verdict.before > 0.95

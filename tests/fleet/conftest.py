@@ -24,7 +24,7 @@ def with_clock(text, began=NOON):
     return re.sub(r"^\((\d+)\.", lambda m: f"({int(m[1]) + began}.", text, flags=re.MULTILINE)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def drives(tmp_path_factory):
     """Folder with a folder for each vehicle, five recordings in all, the one of 007 with a date."""
     folder = tmp_path_factory.mktemp("drives")
@@ -39,7 +39,7 @@ def drives(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def store():
     """Object store's server on this machine, as boto3 and s3fs find it: its address."""
     from moto.server import ThreadedMotoServer
@@ -55,7 +55,7 @@ def store():
     server.stop()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def client(store):  # noqa: ARG001  its address is in the environment, which workers inherit
     """Client of a cluster of two workers, which reach the store."""
     with open_cluster(None, workers=2) as found:
@@ -67,7 +67,7 @@ def client(store):  # noqa: ARG001  its address is in the environment, which wor
         yield found
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def fleet(client):
     """Function that runs the command on that cluster: its exit status."""
 
@@ -78,7 +78,7 @@ def fleet(client):
     return run
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def made(drives, fleet, tmp_path_factory):
     """Folder in which `out` is the data set of the drives, and of one file that is none."""
     folder = tmp_path_factory.mktemp("made")

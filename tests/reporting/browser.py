@@ -187,7 +187,7 @@ def require_drawn(browser, page):
         page: Page that was written.
 
     """
-    assert browser.complaints == []
+    assert browser.complaints == [], browser.complaints  # this module is not rewritten by pytest
     seen = browser.evaluate(MEASURE)
     figures = page.figures
     assert seen["plots"] == len(figures)
