@@ -198,6 +198,7 @@ def test_a_sensor_goes_off_is_corrected_goes_back_and_the_model_is_dropped(tmp_p
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.realtime
 @pytest.mark.timeout(900)
 def test_a_sensor_that_goes_off_in_the_middle_of_a_live_bench(tmp_path):
