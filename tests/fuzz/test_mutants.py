@@ -12,7 +12,7 @@ pytest.importorskip("asammdf")
 QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 AT_ONCE = {".mf4": 1, ".db": 1}
 """Mutants of an example; these are read by a process of their own, which takes long to start."""
-FEW = settings(QUICK, max_examples=2)
+FEW = settings(QUICK, max_examples=5)
 IN_A_PROCESS = ".mf4"
 
 

@@ -12,7 +12,7 @@ import pytest
 from tests.fuzz.mutants import DRIVES, mutant, play
 
 PACKAGE = Path(__file__).resolve().parents[2] / "adhesion_can"
-TRIED = {"drive.log": 15, "table.csv": 30}
+TRIED = {"drive.log": 40, "table.csv": 60}
 
 
 def first_number():

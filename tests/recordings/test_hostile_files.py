@@ -14,7 +14,7 @@ from adhesion_can.recordings.mf4_links import LinkError, require_sound_links
 from adhesion_can.recordings.tables import parquet_file
 from adhesion_can.recordings.tables import text as table_text
 from adhesion_can.recordings.tables.sample_table import is_table, read_table
-from tests.fuzz.mutants import LONGEST_S, mutant, play, seeds
+from tests.fuzz.mutants import mutant, play, seeds
 from tests.recordings.test_mf4 import group, logged, unsorted_logging
 
 pytest.importorskip("asammdf")
@@ -43,7 +43,7 @@ def test_every_link_of_an_mf4_may_lead_back():
     found = [(name, play(".mf4", data)) for name, data in changed_links(table_seed())]
     assert len(found) > 40
     assert {outcome.status for _, outcome in found} <= {0, 1, 2}
-    slow = {name: outcome.seconds for name, outcome in found if outcome.seconds > LONGEST_S}
+    slow = {name: outcome.seconds for name, outcome in found if outcome.seconds > 5}
     assert not slow
 
 
