@@ -27,6 +27,9 @@ OURS = {
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": 0.95,
+    # A worker that dies is started again. Dask looks for it 15 s after each death, and gives it up
+    # for good where it is not back: where the machine is busy, or it died once more just then.
+    "distributed.deploy.lost-worker-timeout": "365 days",
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
     "distributed.admin.low-level-log-length": 100,

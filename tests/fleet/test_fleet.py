@@ -26,6 +26,7 @@ from adhesion_can.input_files import file_sha256
 from tests.fleet.tables import TIMES, rows, units
 from tests.fleet.workers import do_nothing, work_until_deadly
 
+pytestmark = pytest.mark.cluster
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "fleet.md"
 NAMES = [f"drive{number}.log" for number in range(5)]
 

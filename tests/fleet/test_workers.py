@@ -2,17 +2,22 @@
 
 import http.server
 import os
+import signal
 import threading
 
+import dask
 import pytest
+from distributed.scheduler import KilledWorker
 
 from adhesion_can.errors import InputError
 from adhesion_can.extras import install_package
-from adhesion_can.fleet.cluster import gigabytes, probe, require_workers
+from adhesion_can.fleet.cluster import gigabytes, open_cluster, probe, require_workers
 from adhesion_can.fleet.dataset import DataSet, put
 from adhesion_can.fleet.places import open_place
 from adhesion_can.fleet.rows import number
 from adhesion_can.version import __version__
+
+pytestmark = pytest.mark.cluster
 
 
 class Answering:
@@ -148,6 +153,16 @@ def test_memory_is_a_positive_number(text):
 
 def test_numbers_that_are_none_are_null():
     assert [number(v) for v in (None, float("nan"), float("inf"), 1)] == [None, None, None, 1.0]
+
+
+def test_a_worker_that_takes_long_to_start_again_is_waited_for():
+    with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "1ms"}),
+        open_cluster(None, workers=1) as client,
+    ):
+        with pytest.raises(KilledWorker):
+            client.submit(signal.raise_signal, signal.SIGKILL).result(timeout=60)
+        assert client.submit(sum, [1, 2]).result(timeout=120) == 3
 
 
 @pytest.mark.skipif("MALLOC_TRIM_THRESHOLD_" in os.environ, reason="set by whoever runs the tests")
