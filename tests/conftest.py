@@ -1,4 +1,4 @@
-"""What many tests share: the drawn slow tests, branch coverage, real data, hypothesis' settings."""
+"""What many tests share: the drawn tests, branch coverage, real data, hypothesis' settings."""
 
 import gc
 import hashlib
@@ -24,14 +24,15 @@ settings.register_profile(
 )
 
 ROOT = Path(__file__).resolve().parent.parent
-DRAWN, DRAWN_LONG = 8, 64
-"""One slow test of so many is drawn, and of those that take longer than a minute."""
+DRAWN = {"long": 64, "slow": 8, "costly": 8}
+"""One test of so many is drawn of those with a mark; of several marks the first here counts."""
 COVERING = {
     *(f"bus/test_{name}.py" for name in ("acceptance", "e2e", "j1939", "receiver", "stuck_signal")),
     *(f"service/test_{name}.py" for name in ("core", "output_messages", "outputs", "schedule")),
     "service/test_states.py",
 }
-"""Test files that by themselves have to cover each branch of the modules in pyproject.toml."""
+"""Test files that by themselves have to cover each branch of the modules in pyproject.toml: none of
+their tests is marked 'costly'."""
 
 
 def pytest_addoption(parser):
@@ -39,8 +40,8 @@ def pytest_addoption(parser):
     group.addoption(
         "--drawn",
         metavar="WORD",
-        help=f"of the slow tests one in {DRAWN}, of the long ones one in {DRAWN_LONG}, drawn by "
-        "this word",
+        help="some of the tests that take time, drawn by this word: "
+        + ", ".join(f"one in {of} marked '{mark}'" for mark, of in DRAWN.items()),
     )
     group.addoption(
         "--branch-coverage", action="store_true", help="coverage of what must not be wrong"
@@ -76,14 +77,15 @@ def pytest_collection_modifyitems(config, items):
     word = config.getoption("drawn")
     if word is None:
         return
-    slow = {item for item in items if item.get_closest_marker("slow")}
-    long = {item for item in slow if item.get_closest_marker("long")}
-    drawn = draw(word, [item.nodeid for item in slow - long], DRAWN) | draw(
-        word, [item.nodeid for item in long], DRAWN_LONG
-    )
-    left = [item for item in items if item in slow and item.nodeid not in drawn]
-    config.hook.pytest_deselected(items=left)
-    items[:] = [item for item in items if item not in slow or item.nodeid in drawn]
+    marked = {mark: [] for mark in DRAWN}
+    for item in items:
+        for mark in [mark for mark in DRAWN if item.get_closest_marker(mark)][:1]:
+            marked[mark].append(item.nodeid)
+    left = {name for names in marked.values() for name in names}
+    for mark, names in marked.items():
+        left -= draw(word, names, DRAWN[mark])
+    config.hook.pytest_deselected(items=[item for item in items if item.nodeid in left])
+    items[:] = [item for item in items if item.nodeid not in left]
 
 
 class CoverageOfSome:

@@ -4,6 +4,8 @@ import ast
 from collections import Counter
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).resolve().parent.parent / "adhesion_can"
 
 # Classes of the running service that had these names before the rule. Names go from this list, and
@@ -25,6 +27,7 @@ def names_that_stand_twice(texts):
     return {name for name, times in count.items() if times > 1}
 
 
+@pytest.mark.costly
 def test_no_public_class_has_the_name_of_another():
     texts = (path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
     assert names_that_stand_twice(texts) <= TWICE

@@ -44,6 +44,7 @@ def drive(controller, seconds, watch):
                     locomotive.receive(adhesion_can.Frame(each.t_us, *demand))
 
 
+@pytest.mark.costly
 def test_it_leaves_a_peak_that_was_fitted_to_small_slips(example):
     """All axles at a slip of 0.003: λ_m follows it down. Probes then show the true one."""
     controller = example.Controller()

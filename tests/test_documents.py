@@ -133,6 +133,7 @@ BO_ 259 Motor2: 8 X
 """
 
 
+@pytest.mark.costly
 def test_a_motor_that_drives_two_axles_tracks_as_the_guide_says(tmp_path, monkeypatch):
     from adhesion_can.cli.main import main
 
@@ -148,6 +149,7 @@ def test_a_motor_that_drives_two_axles_tracks_as_the_guide_says(tmp_path, monkey
     assert counts["TRACKING"] > 0.85 * sum(counts.values())
 
 
+@pytest.mark.costly
 def test_the_python_of_the_guide_runs(tmp_path, monkeypatch):
     matplotlib = pytest.importorskip("matplotlib", reason="the guide plots with it")
     matplotlib.use("Agg")

@@ -34,6 +34,7 @@ def test_every_script_is_run_here_and_listed():
         assert f"({name})" in listed, name
 
 
+@pytest.mark.costly
 def test_replay(tmp_path):
     out = run_example("replay.py", 15, tmp_path)
     assert "verdict: usable" in out
@@ -44,6 +45,7 @@ def test_replay(tmp_path):
         assert float(slip) == pytest.approx(float(slip_true), rel=0.15)
 
 
+@pytest.mark.costly
 def test_controller(tmp_path):
     out = run_example("controller.py", 12, tmp_path)
     assert "the rail changed: hold a small slip and probe" in out
@@ -69,6 +71,7 @@ def test_fmu(tmp_path):
     assert 0.0 < float(re.search(r"TRACKING ([\d.]+) %", out)[1]) < 100.0
 
 
+@pytest.mark.costly
 def test_own_database(tmp_path):
     out = run_example("own_database.py", 12, tmp_path)
     assert "verdict: usable" in out
@@ -77,6 +80,7 @@ def test_own_database(tmp_path):
     assert sum(",TRACKING," in row for row in rows) > 0.9 * len(rows)
 
 
+@pytest.mark.costly
 @pytest.mark.skipif(
     not (SOME_BUS or own_network()), reason="needs vcan0, or root, unshare and ip for multicast"
 )

@@ -48,6 +48,7 @@ print(json.dumps({run.name: [run.fate, run.test] for run in runs}))
 """
 
 
+@pytest.mark.costly
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_each_mutant_has_its_fate_and_no_file_is_changed(tmp_path):
     copy = tmp_path / "copy"

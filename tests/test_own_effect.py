@@ -85,6 +85,7 @@ def test_an_installed_effect_is_simulated_diagnosed_and_replayed(installed, tmp_
     assert (tmp_path / "extended.log").read_bytes() != (tmp_path / "plain.log").read_bytes()
 
 
+@pytest.mark.costly
 def test_the_example_passes_the_suite_for_effects(installed, tmp_path):
     shutil.copy(EXAMPLE / "test_own_effect.py", tmp_path)
     path = os.pathsep.join([str(installed), str(ROOT)])

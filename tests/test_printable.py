@@ -63,6 +63,7 @@ def test_nothing_harmful_is_left(text):
     assert file.getvalue() == f"{clean}\n"
 
 
+@pytest.mark.costly
 def test_there_is_one_place_that_prints():
     found = [
         f"{path.relative_to(PACKAGE)}:{node.lineno}"
@@ -143,6 +144,7 @@ def test_lines_cannot_be_forged(tmp_path, capfd, heading):
     assert not any(line.startswith(("ERROR", "bad")) for line in text.splitlines())
 
 
+@pytest.mark.costly
 def test_channels_of_an_mf4(tmp_path, capfd):
     asammdf = pytest.importorskip("asammdf")
     times = np.arange(600) * 0.02

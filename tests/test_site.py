@@ -69,6 +69,7 @@ def pages(site):
     return {path: Page(path) for path in site.rglob("*.html") if path.name != "404.html"}
 
 
+@pytest.mark.costly
 def test_no_link_is_dead_and_every_anchor_exists(site, pages):
     for path, page in pages.items():
         for link in page.links:
@@ -92,6 +93,7 @@ def test_nothing_is_loaded_from_elsewhere(pages):
             assert (path.parent / unquote(parts.path)).is_file(), (path, address)
 
 
+@pytest.mark.costly
 def test_equations_are_drawn_without_a_script(site, pages):
     theory = pages[site / "theory.html"]
     assert theory.equations > 40

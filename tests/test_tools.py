@@ -75,13 +75,18 @@ def collected(*words):
     return {line for line in done.stdout.splitlines() if "::" in line}
 
 
-def test_of_the_slow_tests_an_eighth_is_drawn_and_all_others_stay():
-    every, quick = collected(), collected("-m", "not slow")
+@pytest.mark.costly
+def test_of_the_tests_that_take_time_some_are_drawn_and_all_others_stay():
+    slow, costly = collected("-m", "slow"), collected("-m", "costly and not slow")
+    others = collected("-m", "not slow and not costly")
     drawn = collected("--drawn", "a")
-    assert quick < every
-    assert drawn == quick | draw("a", every - quick, DRAWN)
+    assert slow
+    assert costly
+    assert others
+    assert drawn == others | draw("a", slow, DRAWN["slow"]) | draw("a", costly, DRAWN["costly"])
 
 
+OF = DRAWN["slow"]
 SLOW = [f"tests/{file}.py::test_b[{number}]" for file in "abc" for number in range(20)] + [
     f"tests/{file}.py::test_b" for file in "defghi"
 ]
@@ -89,15 +94,15 @@ SLOW = [f"tests/{file}.py::test_b[{number}]" for file in "abc" for number in ran
 
 def test_each_slow_test_is_drawn_by_one_commit_in_eight():
     commits = [f"{number:x}" for number in range(4000)]
-    counts = Counter(name for commit in commits for name in draw(commit, SLOW, DRAWN))
+    counts = Counter(name for commit in commits for name in draw(commit, SLOW, OF))
     for name in SLOW:
-        assert counts[name] / len(commits) == pytest.approx(1 / DRAWN, rel=0.25)  # 5 deviations
+        assert counts[name] / len(commits) == pytest.approx(1 / OF, rel=0.25)  # 5 deviations
 
 
 @pytest.mark.parametrize("commit", ["8c39c147", "15c0bacb", "a"])
 def test_what_is_drawn_is_an_eighth_of_each_file(commit):
-    drawn = draw(commit, SLOW, DRAWN)
-    assert drawn == draw(commit, SLOW[::-1], DRAWN)
-    assert len(drawn) in (len(SLOW) // DRAWN, len(SLOW) // DRAWN + 1)
+    drawn = draw(commit, SLOW, OF)
+    assert drawn == draw(commit, SLOW[::-1], OF)
+    assert len(drawn) in (len(SLOW) // OF, len(SLOW) // OF + 1)
     of_file = Counter(name.partition("::")[0] for name in drawn)
     assert all(of_file[f"tests/{file}.py"] in (2, 3) for file in "abc")

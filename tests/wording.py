@@ -6,7 +6,7 @@ what is filled in, or a public docstring. Code in backticks and link targets are
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -102,13 +102,18 @@ def templates() -> Iterator[Text]:
         yield from _paragraphs(path, cut.sub(_blank, path.read_text()))
 
 
-def strings() -> Iterator[Text]:
+@cache
+def strings() -> list[Text]:
     """Strings of package and tools that may reach a user, f-strings with `{}` for values."""
+    texts: list[Text] = []
     for path, tree in _modules():
         skipped = {id(node) for _, node in _docstrings(tree)}
-        for node in _strings(tree, skipped):
-            if " " in (text := _flat(_joined(node))):  # else a name
-                yield Text(str(path.relative_to(ROOT)), node.lineno, text)
+        texts += [
+            Text(str(path.relative_to(ROOT)), node.lineno, text)
+            for node in _strings(tree, skipped)
+            if " " in (text := _flat(_joined(node)))  # else a name
+        ]
+    return texts
 
 
 def public_docstrings() -> Iterator[Text]:
@@ -121,7 +126,7 @@ def public_docstrings() -> Iterator[Text]:
                     yield Text(str(path.relative_to(ROOT)), node.lineno, _flat(text))
 
 
-def odd_wordings(texts: Iterator[Text], patterns: dict[str, str]) -> list[str]:
+def odd_wordings(texts: Iterable[Text], patterns: dict[str, str]) -> list[str]:
     """A line for each odd wording: place, wording in its context, and what to write."""
     any_of_them = _whole_words("|".join(patterns))
     compiled = [(_whole_words(pattern), instead) for pattern, instead in patterns.items()]

@@ -112,6 +112,7 @@ def test_a_recording_is_identified_by_path_and_by_object(drive):
     assert by_path.whole.mu_max == pytest.approx(WET.mu_max, rel=0.03)
 
 
+@pytest.mark.costly
 def test_a_table_is_identified_by_its_path(tmp_path):
     result = adhesion_can.identify(humid_table(tmp_path / "rig.csv"))
     assert result.whole.samples == 4000

@@ -57,6 +57,7 @@ def replayed(*paths):
     return sent, models, recordings
 
 
+@pytest.mark.costly
 def test_a_log_of_another_start_begins_with_the_plain_curve(tmp_path):
     first = Run(tmp_path / "a.log", change_s=1.0)
     second = Run(tmp_path / "b.log", later_s=100.0)
@@ -73,6 +74,7 @@ def test_a_log_of_another_start_begins_with_the_plain_curve(tmp_path):
     assert recordings[1].report == again.report
 
 
+@pytest.mark.costly
 def test_a_log_that_was_begun_at_a_signal_goes_on_with_the_model(tmp_path):
     whole = Run(tmp_path / "whole.log", change_s=1.0)
     lines = whole.path.read_text().splitlines(keepends=True)
@@ -85,6 +87,7 @@ def test_a_log_that_was_begun_at_a_signal_goes_on_with_the_model(tmp_path):
     assert len(list(models.sentences(0))) == 1
 
 
+@pytest.mark.costly
 def test_a_row_of_a_fleet_has_the_model_of_the_log(tmp_path):
     path = Run(tmp_path / "a.log", change_s=1.0).path
     unit = RecordingUnit(InputFile(path, "a.log", ""), CONFIG)
@@ -95,6 +98,7 @@ def test_a_row_of_a_fleet_has_the_model_of_the_log(tmp_path):
     assert with_change["lambda_m"] != unit.replay()["lambda_m"]
 
 
+@pytest.mark.costly
 def test_a_service_that_began_with_kept_surfaces_is_repeated_to_the_byte(tmp_path):
     frames = simulate("wet", 6.0, seed=5).frames
     head = kept_curves_to_lines(frames[0].t_us, CURVES)

@@ -286,6 +286,7 @@ def check_random(known, seed):
 SEEDS = st.integers(0, 2**32)
 
 
+@pytest.mark.costly
 @FAST
 @given(known=databases(), seed=SEEDS)
 def test_columns_equal_cantools(known, seed):
@@ -407,6 +408,7 @@ def test_our_own_messages_equal_cantools_where_the_protection_is_right():
     check_all(OWN, [items])
 
 
+@pytest.mark.costly
 def test_the_drive_of_a_car_equals_cantools():
     folder = real_data()
     if folder is None:

@@ -52,6 +52,7 @@ def limits(values, rest=0.0):
     return found
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("lengths", [(1,), (2,), (1, 2), (1, 1, 1, 3), (20, 5), (1, 9)])
 @pytest.mark.parametrize("std", [1.5, 2.0, 3.3, 10.0, 100.0])
 @pytest.mark.parametrize("rest", [0.0, 10.0])

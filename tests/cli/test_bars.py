@@ -56,6 +56,7 @@ def test_blocks_are_given_in_parts_that_are_the_whole(monkeypatch):
     assert shares[-1] == 1.0
 
 
+@pytest.mark.costly
 def test_the_answers_are_the_same_with_a_bar(tmp_path, monkeypatch):
     log, found = tmp_path / "a.log", []
     assert (

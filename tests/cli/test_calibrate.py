@@ -81,6 +81,7 @@ def found(worn):
     return calibrated(worn.parent, worn, "--out", out), out
 
 
+@pytest.mark.costly
 def test_worn_wheels_are_found_within_their_errors(found):
     result, _ = found
     for axle, true in zip(result["axles"], WORN, strict=True):
@@ -177,6 +178,7 @@ def test_comments_and_all_else_of_the_users_file_stay(worn, tmp_path):
     assert "] # m; calibrated: " in out.read_text()
 
 
+@pytest.mark.costly
 def test_where_speeds_vary_the_offset_is_told_and_each_key_has_one_remark(tmp_path):
     """Also the second time: one behind the radii, their error, and the vehicle speed."""
     log, out = recorded(tmp_path / "swing.log", SWEEP, 80.0), tmp_path / "out.toml"

@@ -33,6 +33,7 @@ def roles(*without, **changed):
     return "\n".join(lines)
 
 
+@pytest.mark.costly
 def test_the_drive_is_usable_as_it_is(log, capsys):
     assert main(["check", str(log)]) == 0
     assert "usable" in capsys.readouterr().out

@@ -75,6 +75,7 @@ def test_truth_has_the_names_of_the_contract(recording):
     assert truth["surfaces"][1]["from_s"] == truth["surfaces"][0]["to_s"] == 6.0
 
 
+@pytest.mark.costly
 def test_replay_gives_frames_a_table_and_json_that_agree(recording, tmp_path, capsys):
     frames, table, result = tmp_path / "b.log", tmp_path / "e.csv", tmp_path / "r.json"
     code = main(
@@ -116,6 +117,7 @@ def test_replay_gives_frames_a_table_and_json_that_agree(recording, tmp_path, ca
     }
 
 
+@pytest.mark.costly
 def test_replay_comes_within_5_percent_of_each_surface(recording, tmp_path):
     table = tmp_path / "e.csv"
     assert main(["replay", str(recording / "a.log"), "--table", str(table)]) == 0
@@ -127,6 +129,7 @@ def test_replay_comes_within_5_percent_of_each_surface(recording, tmp_path):
         assert float(last["lambda_m"]) == pytest.approx(surface["lambda_m"], rel=0.1)
 
 
+@pytest.mark.costly
 def test_replay_skips_and_counts_our_own_frames(recording, tmp_path, capsys):
     first, quick = tmp_path / "answers.log", ["--estimator", "rls"]
     assert main(["replay", str(recording / "a.log"), "--frames", str(first), *quick]) == 0
@@ -151,6 +154,7 @@ def test_replay_of_a_part(recording, tmp_path):
     assert times[-1] == pytest.approx(7.0, abs=0.03)
 
 
+@pytest.mark.costly
 def test_replay_of_several_recordings_in_sequence_equals_that_of_the_whole(recording, tmp_path):
     lines = (recording / "a.log").read_text().splitlines(keepends=True)
     halves = [tmp_path / "1.log", tmp_path / "2.log.gz"]
@@ -181,6 +185,7 @@ def test_replay_reads_what_python_can_writes(recording, tmp_path):
         )
 
 
+@pytest.mark.costly
 def test_the_closed_loop_obeys_and_is_recorded_with_its_answers(tmp_path):
     log = tmp_path / "closed.log"
     arguments = ["simulate", "--scenario", "dry", "--duration", "8", "--closed-loop"]
@@ -260,6 +265,7 @@ def test_identify_reads_tables(tmp_path, capsys):
         assert len(result["segments"]) == 1
 
 
+@pytest.mark.costly
 def test_identify_says_what_low_slip_cannot_tell(tmp_path, capsys):
     import numpy as np
 
@@ -532,6 +538,7 @@ def test_recordings_out_of_order(capsys, recording, tmp_path):
 # --- as installed
 
 
+@pytest.mark.costly
 def test_the_installed_command_works_from_any_folder(tmp_path):
     script = Path(sys.executable).with_name("adhesion-can")
     done = subprocess.run(
@@ -548,6 +555,7 @@ def test_the_installed_command_works_from_any_folder(tmp_path):
     assert "frames in 2.0 s" in done.stdout
 
 
+@pytest.mark.costly
 def test_the_wheel_carries_the_dbc(tmp_path):
     """Built without a network: the build backend must be there (extra 'test')."""
     hatchling = pytest.importorskip("hatchling.build", reason="hatchling is not installed")
@@ -573,6 +581,7 @@ def test_the_wheel_carries_the_dbc(tmp_path):
     assert len(DB.messages) == 16
 
 
+@pytest.mark.costly
 def test_one_broken_stamp_far_ahead_costs_its_own_frame_alone(recording, tmp_path, capsys):
     lines = (recording / "a.log").read_text().splitlines(keepends=True)
     stray = tmp_path / "stray.log"
@@ -588,6 +597,7 @@ def test_one_broken_stamp_far_ahead_costs_its_own_frame_alone(recording, tmp_pat
     assert main(["check", str(stray)]) == 1
 
 
+@pytest.mark.costly
 def test_a_recording_with_a_pause_goes_on_after_it(recording, tmp_path):
     lines = (recording / "a.log").read_text().splitlines(keepends=True)[:4000]
     later = [f"({float(line[1:].split(')')[0]) + 7200:.6f}){line.split(')')[1]}" for line in lines]

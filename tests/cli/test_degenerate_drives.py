@@ -88,12 +88,14 @@ SETTINGS = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("field", LARGEST)
 @pytest.mark.parametrize("how", ["zero", "constant", "largest", "absent"])
 def test_one_signal_that_says_nothing_ends_in_an_answer_or_a_line(field, how, tmp_path):
     require_answers(tmp_path, spoilt(readings(8.0), field, how, range(6)), (*QUICK, "diagnose"))
 
 
+@pytest.mark.costly
 @settings(max_examples=8, **SETTINGS)
 @given(changes=CHANGES)
 def test_any_degenerate_drive_ends_in_an_answer_or_a_line(changes, tmp_path):
@@ -140,6 +142,7 @@ ODD = {
 }
 
 
+@pytest.mark.costly
 @settings(max_examples=15, **SETTINGS)
 @given(
     rows=st.sampled_from([1, 2, 3, 19, 21, 60, 200]),

@@ -52,6 +52,7 @@ def test_the_drive_says_why_it_probes_until_it_holds(bench):
     assert simulation.describe_drive() == holds
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("lost", [0, 26])
 def test_a_machine_that_was_too_slow_is_told_of_behind_the_view(
     lost, tmp_path, monkeypatch, capsys

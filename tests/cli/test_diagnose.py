@@ -93,6 +93,7 @@ def fails(capsys, *arguments):
 # --- what goes in, what comes out
 
 
+@pytest.mark.costly
 def test_logs_go_in_as_drives_and_page_json_and_model_come_out(logs, engine, tmp_path, capsys):
     html, model, result = tmp_path / "r.html", tmp_path / "m.toml", tmp_path / "r.json"
     options = ["--html", html, "--extended", model, "--json", result]

@@ -44,6 +44,7 @@ def evaluated(folder, *arguments):
     return status, json.loads(out.read_text())
 
 
+@pytest.mark.costly
 def test_it_gives_the_figures_of_the_diagnosis(named):
     folder, answer = named
     status, found = evaluated(folder, folder / "b.csv", "--model", folder / "m.toml")

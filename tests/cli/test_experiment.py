@@ -79,6 +79,7 @@ def without_times(document):
     return [without_times(v) for v in document] if isinstance(document, list) else document
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_page_numbers_and_table_of_an_experiment(number, done):
     out, said = done[number]
@@ -136,6 +137,7 @@ def test_csv_and_json_agree(done):
         assert bound == pytest.approx(level["cramer_rao"]["rmse"]["mu_max"], rel=1e-6)
 
 
+@pytest.mark.costly
 def test_numbers_do_not_depend_on_the_number_of_jobs_and_json_has_stdout_alone(
     done, tmp_path, capsys
 ):
@@ -145,6 +147,7 @@ def test_numbers_do_not_depend_on_the_number_of_jobs_and_json_has_stdout_alone(
     assert one == json.loads((tmp_path / "experiment-3.json").read_text())
 
 
+@pytest.mark.costly
 def test_another_seed_gives_other_numbers(done, tmp_path):
     assert experiment(2, tmp_path, "--seed", 2, "--jobs", 1) == 0
     one, two = (
@@ -154,6 +157,7 @@ def test_another_seed_gives_other_numbers(done, tmp_path):
     assert one[0]["rmse"] != two[0]["rmse"]
 
 
+@pytest.mark.costly
 def test_another_start_is_taken_and_told(done, tmp_path):
     assert experiment(3, tmp_path, "--start", "0.3,60,0.2", "--jobs", 1) == 0
     document, before = (
@@ -170,6 +174,7 @@ def test_another_start_is_taken_and_told(done, tmp_path):
     assert rmse[0]["paper (ordinary)"] == rmse[1]["paper (ordinary)"]
 
 
+@pytest.mark.costly
 def test_without_the_extra_the_numbers_are_written_and_it_is_said(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "jinja2", None)
     assert experiment(2, tmp_path, "--jobs", 1) == 0

@@ -154,6 +154,7 @@ def test_the_gain_in_replay_is_that_of_the_diagnosis(biased):
     assert fits[0]["samples"] > 0.99 * biased.plain.document["samples"]
 
 
+@pytest.mark.costly
 def test_replay_says_the_figure_and_no_frame_depends_on_it(capsys, tmp_path):
     log, answers = tmp_path / "a.log", []
     drive = ["simulate", "--scenario", "sweep", "--duration", "4", "--effect", "effort_bias=6000"]
@@ -171,6 +172,7 @@ def test_replay_says_the_figure_and_no_frame_depends_on_it(capsys, tmp_path):
     assert "Too few samples" in capsys.readouterr().out
 
 
+@pytest.mark.costly
 def test_each_rail_has_a_curve_of_its_own(tmp_path):
     log, target = tmp_path / "a.log", tmp_path / "r.json"
     drive = ["simulate", "--scenario", "dry-wet-greasy-dry", "--duration", "20", "--log", str(log)]

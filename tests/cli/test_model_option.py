@@ -77,6 +77,7 @@ def plain(files, tmp_path_factory):
     return replayed(files, tmp_path_factory.mktemp("plain"))
 
 
+@pytest.mark.costly
 def test_replay_with_a_model_says_the_whole_curve_and_names_the_model(files, plain, tmp_path):
     without, _, before = plain
     rows, _, document = replayed(files, tmp_path, "--model", files / "speed.toml")
@@ -231,6 +232,7 @@ def test_simulate_lets_the_effects_of_a_model_act(files, tmp_path, capsys):
     assert "give it once" in err
 
 
+@pytest.mark.costly
 def test_live_and_the_replay_of_its_log_are_byte_identical_with_a_model():
     """With states that lag behind, and a vehicle speed that every sample waits for."""
     effects = (

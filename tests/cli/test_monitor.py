@@ -74,6 +74,7 @@ class Clock:
 # --- recordings
 
 
+@pytest.mark.costly
 def test_a_recording_at_its_own_speed_and_at_another(logs):
     session, clock = session_on(logs / "full.log")
     assert session.turn().transport.position_s == pytest.approx(0.0, abs=0.02)
@@ -111,6 +112,7 @@ def test_pause_and_step(logs):
     assert session.turn().t_us == before.t_us + 1_100_000
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("estimate", [False, True])
 def test_a_jump_shows_what_playing_up_to_it_shows(logs, estimate):
     path = logs / "full.log"
@@ -174,6 +176,7 @@ def test_while_a_jump_passes_over_blocks_the_view_goes_on(tmp_path, monkeypatch)
     assert shown.transport.position_s == pytest.approx(38.0, abs=1.01)
 
 
+@pytest.mark.costly
 def test_a_service_that_ends_says_so(tmp_path):
     """It takes back its setpoint; one that is cut off does not."""
     frames, _ = closed_loop()
@@ -277,6 +280,7 @@ def test_a_recording_in_other_units_is_refused_as_by_the_other_commands(logs, tm
     assert "its stamps seem to be in ms" in capsys.readouterr().err
 
 
+@pytest.mark.costly
 def test_objects_of_json_and_a_span_of_the_recording(logs, capsys, tmp_path):
     words = [logs / "full.log", "--json", "-", "--every", "1", "--from", "3", "--duration", "3"]
     found = [json.loads(line) for line in lines_of(capsys, *words)]
@@ -322,6 +326,7 @@ def test_the_documented_line_sends_plotjuggler_an_object_a_datagram(logs):
     assert isinstance(found[-1]["bus_time_s"], float)
 
 
+@pytest.mark.costly
 def test_a_reader_that_goes_away_is_no_error(logs):
     code = "import sys; from adhesion_can.cli.main import main; sys.exit(main(sys.argv[1:]))"
     words = ["monitor", str(logs / "full.log"), "--plain", "--every", "0.005"]
@@ -544,6 +549,7 @@ def test_without_textual_it_says_what_to_install(logs, capsys, monkeypatch):
     assert len(err.strip().splitlines()) == 1
 
 
+@pytest.mark.costly
 def test_importing_the_command_imports_no_textual():
     code = "import sys, adhesion_can.cli.monitor, adhesion_can.cli.demo\n"
     code += "print('textual' in sys.modules)"

@@ -117,6 +117,7 @@ def until(ready, what):
     return found
 
 
+@pytest.mark.costly
 def test_the_view_is_in_a_browser_with_its_keys_and_ends_with_ctrl_c(served, browser):
     assert re.fullmatch(
         r"monitor: open http://127\.0\.0\.1:\d+/\?token=[\w-]{32} in a browser on this host; "
@@ -201,6 +202,7 @@ def test_a_page_ends_with_a_server_that_is_killed(log, tmp_path, browser):
     until(lambda: not served.viewers(), "end of the page's process")
 
 
+@pytest.mark.costly
 def test_a_source_that_fails_in_a_page_is_said_there(log, tmp_path, browser):
     gone = tmp_path / "gone.log"
     gone.write_bytes(log.read_bytes())
@@ -257,6 +259,7 @@ def test_without_the_extra_it_says_what_to_type(log, capsys, monkeypatch):
     assert len(err.strip().splitlines()) == 1
 
 
+@pytest.mark.costly
 def test_the_command_of_a_page():
     words = viewer_command("adhesion-can monitor 'a b.log' --serve --port 8000 --speed 2")
     assert words == (

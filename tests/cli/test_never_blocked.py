@@ -67,6 +67,7 @@ def assert_goes_on(service, number=100):
     assert max(gaps) < END_S
 
 
+@pytest.mark.costly
 def test_a_reader_of_stderr_that_stalls(tmp_path):
     with full_pipe() as stderr, ServiceProcess(tmp_path, stderr=stderr) as service:
         assert_goes_on(service)
@@ -75,6 +76,7 @@ def test_a_reader_of_stderr_that_stalls(tmp_path):
         assert_taken_back(service)
 
 
+@pytest.mark.costly
 def test_an_error_at_the_start_with_a_reader_of_stderr_that_stalls(tmp_path):
     with full_pipe() as stderr, ServiceProcess(tmp_path, "--log", "/", stderr=stderr) as service:
         assert service.process.wait(PATIENCE_S) == 2
@@ -87,6 +89,7 @@ def pipe(tmp_path):
     return path
 
 
+@pytest.mark.costly
 def test_a_reader_of_the_log_that_stalls(tmp_path, pipe):
     """It has opened the pipe and reads nothing: in a second or two the pipe is full."""
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
@@ -101,6 +104,7 @@ def test_a_reader_of_the_log_that_stalls(tmp_path, pipe):
         os.close(reader)
 
 
+@pytest.mark.costly
 def test_a_reader_of_the_log_that_goes_on_gets_every_line(tmp_path, pipe):
     """It stalls for longer than the pipe holds; the lines waited."""
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
@@ -122,6 +126,7 @@ def test_a_reader_of_the_log_that_goes_on_gets_every_line(tmp_path, pipe):
         assert logged == [frame.data for _, frame in service.setpoints()]
 
 
+@pytest.mark.costly
 def test_a_pipe_that_nobody_reads_is_an_error_with_a_word_of_help(tmp_path, pipe):
     with ServiceProcess(tmp_path, "--log", str(pipe)) as service:
         assert service.process.wait(PATIENCE_S) == 2
@@ -130,6 +135,7 @@ def test_a_pipe_that_nobody_reads_is_an_error_with_a_word_of_help(tmp_path, pipe
         assert service.frames == []
 
 
+@pytest.mark.costly
 def test_a_result_that_nobody_takes_holds_no_end_up(tmp_path, pipe):
     with ServiceProcess(tmp_path, "--json", str(pipe)) as service:
         service.wait_for_more(10)
@@ -139,6 +145,7 @@ def test_a_result_that_nobody_takes_holds_no_end_up(tmp_path, pipe):
         assert "not written before the service ended" in service.said()
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("pause_s", "later_s"), [(0.15, 0.0), (3.0, 0.0), (3.0, 0.01)])
 def test_a_paused_process_that_is_to_end_takes_back_what_it_sent(tmp_path, pause_s, later_s):
     """As by `docker pause`, `docker unpause` and `docker stop`."""
@@ -176,6 +183,7 @@ def replayed(log):
     return [frame.data for frame in sent if frame.arbitration_id != 0x211]
 
 
+@pytest.mark.costly
 def test_connections_to_the_metrics_that_say_nothing(tmp_path):
     """More than there are descriptors; the bus is lost meanwhile, and comes back."""
     with ExitStack() as stack:
@@ -200,6 +208,7 @@ def test_connections_to_the_metrics_that_say_nothing(tmp_path):
         assert_taken_back(service)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("number", [signal.SIGQUIT, signal.SIGTERM, signal.SIGINT])
 def test_signals_that_end_it_take_back_what_was_sent(tmp_path, number):
     with ServiceProcess(tmp_path) as service:
@@ -209,6 +218,7 @@ def test_signals_that_end_it_take_back_what_was_sent(tmp_path, number):
         assert_taken_back(service)
 
 
+@pytest.mark.costly
 def test_signals_without_a_meaning_do_not_end_it(tmp_path):
     with ServiceProcess(tmp_path) as service:
         service.wait_for_more(10)
@@ -218,6 +228,7 @@ def test_signals_without_a_meaning_do_not_end_it(tmp_path):
         assert service.end()[0] == 0
 
 
+@pytest.mark.costly
 def test_the_watchdog_is_fed_by_the_loop_alone(tmp_path):
     """A stalled reader takes nothing from it; a loop that stands still feeds nobody."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager, full_pipe() as stderr:

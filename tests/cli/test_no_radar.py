@@ -29,6 +29,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.costly
 def test_the_status_is_tracking_behind_the_first_reliefs(rows):
     tracking = [float(row["time_s"]) for row in rows if row["status"] == "TRACKING"]
     assert len(tracking) > 20
@@ -50,6 +51,7 @@ def test_without_a_relief_the_words_say_what_is_missing(rows, folder):
     assert "STALE_INPUT" not in document["setpoints_by_status"]
 
 
+@pytest.mark.costly
 @pytest.mark.usefixtures("rows")
 def test_without_the_switch_the_message_is_missing(folder, capsys):
     assert main(["replay", str(folder / "d.log"), "--to", "2"]) == 2

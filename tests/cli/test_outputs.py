@@ -172,6 +172,7 @@ def test_a_sigterm_leaves_nothing_half_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "mf4"])
 def test_a_sigterm_ends_a_conversion(drive, tmp_path, suffix):
     """The signal comes between two blocks."""
@@ -190,6 +191,7 @@ def test_a_sigterm_ends_a_conversion(drive, tmp_path, suffix):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.costly
 @pytest.mark.timeout(300)
 def test_a_sigterm_ends_the_workers_of_an_experiment(tmp_path):
     arguments = ["experiment", "3", "--runs", "40", "--jobs", "2", "--out", "x"]

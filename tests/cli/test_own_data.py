@@ -52,6 +52,7 @@ def commands():
         yield shlex.split(match[1].replace("\\\n", " "))[1:]
 
 
+@pytest.mark.costly
 def test_the_page_runs_as_it_stands(folder, capsys):
     ran = [words for words in commands() if "drive.log" not in words]
     assert [words[0] for words in ran] == ["check", "diagnose", "diagnose", "evaluate"]

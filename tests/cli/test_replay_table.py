@@ -36,6 +36,7 @@ def number(text):
     return float(text) if text else float("nan")
 
 
+@pytest.mark.costly
 def test_the_csv_is_that_of_the_contract(rows):
     assert list(rows[0])[:10] == [
         "time_s", "status", "mu_max", "mu_max_std", "lambda_m", "lambda_m_std", "c1", "c2", "c3",
@@ -67,6 +68,7 @@ def test_parquet_has_the_same_rows_with_units(rows, tables):
     assert b"adhesion_can.version" in table.schema.metadata
 
 
+@pytest.mark.costly
 def test_mf4_has_the_same_rows_with_units(rows, tables):
     with MDF(tables["mf4"]) as mdf:
         status = [word.decode() for word in mdf.get("status").samples]

@@ -148,6 +148,7 @@ def test_importing_the_package_or_the_entry_point_imports_no_library_at_all():
         assert not modules_after(code) & (HEAVY | {"numpy", "scipy", "can", "cantools", "rich"})
 
 
+@pytest.mark.costly
 def test_importing_a_command_imports_no_extra_and_no_heavy_part_of_scipy():
     commands = ("run", "replay", "check", "identify", "simulate", "calibrate", "monitor")
     # python-can itself imports asammdf, and so pandas, where it is installed.
@@ -156,6 +157,7 @@ def test_importing_a_command_imports_no_extra_and_no_heavy_part_of_scipy():
     assert not (after - before) & HEAVY
 
 
+@pytest.mark.costly
 def test_the_check_of_a_short_drive_needs_no_heavy_part_of_scipy_either(tmp_path):
     log = tmp_path / "drive.log"
     assert main(["simulate", "--scenario", "wet", "--duration", "3", "--log", str(log)]) == 0

@@ -22,6 +22,7 @@ def drive(tmp_path_factory):
     return folder, json.loads(result.read_text())
 
 
+@pytest.mark.costly
 def test_every_sample_is_a_row(drive):
     folder, result = drive
     with (folder / "samples.csv").open() as file:
@@ -51,6 +52,7 @@ def test_residuals_and_surfaces_are_those_of_the_service(drive):
     assert 2 <= table.segment.max() <= 4
 
 
+@pytest.mark.costly
 def test_the_points_give_the_same_curve_as_the_recording(drive):
     folder, _ = drive
     by_log = adhesion_can.identify(folder / "drive.log").segments[0].estimate
@@ -62,6 +64,7 @@ def test_the_points_give_the_same_curve_as_the_recording(drive):
     assert by_points.mu_max_std == pytest.approx(by_log.mu_max_std, rel=0.5)
 
 
+@pytest.mark.costly
 def test_diagnose_reads_them_and_takes_no_bookkeeping_for_a_cause(drive, tmp_path):
     folder, _ = drive
     result = tmp_path / "d.json"
@@ -73,6 +76,7 @@ def test_diagnose_reads_them_and_takes_no_bookkeeping_for_a_cause(drive, tmp_pat
         assert f"channel:{name}" not in named | tested
 
 
+@pytest.mark.costly
 def test_parquet_holds_the_same(drive, tmp_path):
     pytest.importorskip("pyarrow")
     folder, _ = drive
@@ -83,6 +87,7 @@ def test_parquet_holds_the_same(drive, tmp_path):
     np.testing.assert_allclose(a.slip, b.slip, atol=1e-9)
 
 
+@pytest.mark.costly
 def test_mf4_holds_the_same_and_is_read_back_as_a_table(drive, tmp_path, capsys):
     pytest.importorskip("asammdf")
     folder, _ = drive
@@ -102,6 +107,7 @@ def test_an_unknown_format_is_an_error_before_the_work(drive, tmp_path, capsys):
     assert "--samples" in capsys.readouterr().err
 
 
+@pytest.mark.costly
 def test_the_table_of_setpoints_has_speed_and_creep_setpoint(drive, tmp_path):
     folder, _ = drive
     path = tmp_path / "t.csv"

@@ -141,6 +141,7 @@ EXPRESSIONS = st.recursive(ATOMS, larger, max_leaves=8).map(lambda text: f"1 + a
 SIZES = st.sampled_from(["0.1", "-0.5", "0.0", "-0.0", "1e300", "-1e300", "1e-300", "1"])
 
 
+@pytest.mark.costly
 @settings(max_examples=25, **SETTINGS)
 @given(
     expression=EXPRESSIONS,
@@ -168,6 +169,7 @@ EFFECTS = st.sampled_from(known_effects()).flatmap(
 )
 
 
+@pytest.mark.costly
 @settings(max_examples=25, **SETTINGS)
 @given(given_effect=EFFECTS, command=st.sampled_from(["replay", "identify", "evaluate"]))
 def test_any_number_of_an_effect_ends_in_an_answer_or_a_line(given_effect, command, log, model):

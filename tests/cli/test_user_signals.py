@@ -77,6 +77,7 @@ def test_the_model_works_online(bench, diagnosed, capsys):
     assert "channel:film needs film" in capsys.readouterr().err
 
 
+@pytest.mark.costly
 def test_samples_carry_the_channel(tmp_path):
     folder, log, config = drive_and_configuration(tmp_path, 6)
     path = folder / "s.csv"

@@ -758,6 +758,7 @@ lines = st.one_of(
 )
 
 
+@pytest.mark.costly
 @settings(
     max_examples=150,
     deadline=None,

@@ -100,6 +100,7 @@ def is_utf8(text):
     return not any("\ud800" <= c <= "\udfff" for c in text)
 
 
+@pytest.mark.costly
 @FIXED
 @given(model=models())
 def test_what_is_written_is_read_back_to_the_last_bit(tmp_path_factory, model):

@@ -138,6 +138,7 @@ def test_every_number_and_every_list_of_any_length_has_a_range():
             assert len(found.each) in {1, len(get_args(kind))}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("given", ENDS, ids=name)
 def test_a_value_at_an_end_serves_within_bounds_of_memory(given, tmp_path):
     section, key, annotation, end = given

@@ -29,6 +29,7 @@ DRY_THETA, DRY_PEAK = (0.4, 60.0, 0.3), 0.0730
 TRUSTED = Advice(Status.TRACKING, Doubt.NONE, DRY_PEAK, 0.02 * DRY_PEAK, DRY_THETA)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "seeds"), first_quick(itertools.product(SURFACES, (range(2), range(2, 6))))
 )
@@ -41,6 +42,7 @@ def test_without_any_service_the_search_finds_the_peak(name, seeds):
         assert controller.mode is Mode.SEARCH
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_a_change_of_the_rail_is_followed_without_a_service(seed):
     rows, _ = drive(lambda t: DRY if t < 4.0 else GREASY, 10.0, seed=seed)
@@ -49,6 +51,7 @@ def test_a_change_of_the_rail_is_followed_without_a_service(seed):
     assert settled(rows, 5.5) > 0.97
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_an_axle_on_oil_does_not_mislead_the_others(seed):
     curves = [DRY, DRY, GREASY, DRY, DRY, DRY]
@@ -56,6 +59,7 @@ def test_an_axle_on_oil_does_not_mislead_the_others(seed):
     assert settled(rows) > 0.975
 
 
+@pytest.mark.costly
 def test_a_right_setpoint_is_held_with_excursions_of_one_axle_at_a_time():
     plain, _ = drive(constant(DRY), 12.0)
 
@@ -90,6 +94,7 @@ WRONG = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "seeds"), first_quick(itertools.product(WRONG, (range(3), range(3, 9))))
 )
@@ -103,6 +108,7 @@ def test_a_setpoint_that_is_wrong_with_confidence_is_not_followed(name, seeds):
     assert np.mean(shares) > 0.975
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_a_curve_that_turns_wrong_while_it_is_held_is_given_up(seed):
     """The rail changes and the service goes on as before: excursions contradict it."""
@@ -129,6 +135,7 @@ def test_where_the_service_is_not_sure_the_search_goes_on(advice):
     assert settled(rows) > 0.97
 
 
+@pytest.mark.costly
 def test_a_train_starts_from_rest():
     """From 0.2 m/s: on the stable side all the way, 95 % once the train is at speed."""
     rows, _ = drive(constant(DRY), 16.0, speed=lambda t: 0.2 + 0.2 * t)
@@ -160,6 +167,7 @@ def test_a_lost_vehicle_speed_is_bridged_for_a_second_and_then_the_motors_let_go
     assert rows[-1, 1] < 0.01
 
 
+@pytest.mark.costly
 def test_efforts_keep_their_limits_and_rates():
     class Spy(CreepController):
         def __init__(self, vehicle):

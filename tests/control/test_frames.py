@@ -67,6 +67,7 @@ def test_without_a_vehicle_speed_it_waits_and_demands_nothing():
     assert controller.controller.mode is Mode.WAITING
 
 
+@pytest.mark.costly
 def test_three_parties_use_what_the_rail_gives():
     """97 % of the peak from the third second on, by the service's curve."""
     demands, used, controller = pull(8.0)
@@ -89,6 +90,7 @@ def test_the_same_frames_give_the_same_bytes():
     assert pull(2.0)[0] == pull(2.0)[0]
 
 
+@pytest.mark.costly
 def test_a_service_that_goes_silent_is_not_believed_any_longer():
     """Three cycles without a setpoint: as if the service had never said anything."""
     outputs = {0x201, 0x202, 0x203, 0x204}
@@ -123,6 +125,7 @@ def test_without_wheel_speeds_the_motors_let_go_and_the_demands_keep_coming():
     assert used[-1] < 0.01
 
 
+@pytest.mark.costly
 def test_one_lost_frame_of_the_wheel_speeds_is_hardly_noticed():
     lost = iter(range(10_000))
     _, used, _ = pull(

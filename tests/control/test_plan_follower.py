@@ -35,6 +35,7 @@ def driven(steps, *, speed=12.0, start=None, limits=None, effects=(), duration=N
     return plan, rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:9], rows[:, 9:]
 
 
+@pytest.mark.costly
 def test_axles_reach_the_slips_of_the_steps_and_the_others_idle():
     steps = (
         PlanStep(3.0, "traction", (0.04, 0.04)),
@@ -75,6 +76,7 @@ def test_the_effort_never_exceeds_its_limit():
     assert np.abs(effort).max() <= 30e3 + 10.0
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("mode", "limits"),
     [
@@ -97,6 +99,7 @@ def test_slips_stay_within_their_limit_where_the_rail_is_other_than_expected():
     assert (np.abs(slip) > 0.13).mean() < 0.01
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("start", [10.5, 13.5])
 def test_the_plan_begins_at_its_speed(start):
     step = PlanStep(2.0, "traction", (0.06, 0.06))

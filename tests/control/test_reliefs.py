@@ -38,6 +38,7 @@ def play(reliefs, seconds, event=lambda _: (False, False, True), effort=EFFORT):
     return np.array(shares), begins
 
 
+@pytest.mark.costly
 @given(st.integers(0, 2**31), st.integers(2, 8))
 def test_whatever_asks_never_two_axles_at_once_and_each_has_its_turn(seed, axles):
     rng = np.random.default_rng(seed)
@@ -121,6 +122,7 @@ class Spy(CreepController):
         return effort
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("trusted", first_quick([True, False]), ids=["hold", "search"])
 def test_the_controller_relieves_axles_between_excursions_at_a_small_cost(trusted):
     advice = advice_for(DRY_THETA, DRY_PEAK) if trusted else None
@@ -140,6 +142,7 @@ def test_the_controller_relieves_axles_between_excursions_at_a_small_cost(truste
             assert np.delete(effort, relieved - 1).min() > 0.5 * effort.max()
 
 
+@pytest.mark.costly
 def test_a_change_of_the_surface_calls_a_relief_in_the_controller():
     def advice(time_s):
         status = Status.SURFACE_CHANGE if 10.0 <= time_s < 13.0 else Status.TRACKING
@@ -175,6 +178,7 @@ class RelievedTrains(Trains):
             self.demand[drive_number] = spread_effort(self.demand[drive_number], shares, largest)
 
 
+@pytest.mark.costly
 def test_reliefs_make_the_slip_known_on_trains_of_another_model():
     trains = RelievedTrains([401, 403], [20.0, 20.0], ON)
     observer = ObservedSpeedFilter(Locomotive(), None, 2)

@@ -127,6 +127,7 @@ def late(cycles):
     return spoil
 
 
+@pytest.mark.costly
 def test_late_wheel_speeds_do_not_make_the_wheels_swing_for_long():
     rows, controller = drive(constant(DRY), 9.0, spoil=late(5))
     assert controller.mode is Mode.STEADY
@@ -139,6 +140,7 @@ def test_late_wheel_speeds_do_not_make_the_wheels_swing_for_long():
     assert settled[:, 2].max() < 3.0
 
 
+@pytest.mark.costly
 def test_changes_of_the_rail_are_no_swing():
     for seed in range(2):
         _, controller = drive(lambda t: DRY if int(t) % 4 < 2 else GREASY, 10.0, seed=seed)

@@ -44,6 +44,7 @@ def run(folder, given=PLAIN, **how):
 # --- what is missing
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("message", "effects"),
     [
@@ -71,6 +72,7 @@ def test_loads_that_are_not_measured_are_reported_as_missing(tmp_path):
         assert answer.document["gain"]["percent"] > 0
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "how",
     [
@@ -88,6 +90,7 @@ def test_a_bogie_that_is_not_received_is_reported(how, tmp_path):
     assert tested == {0, 1, 2, 3}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("field", ["wheel_speed", pytest.param("effort", marks=pytest.mark.slow)])
 def test_an_axle_that_is_not_available_is_reported(field, tmp_path):
     answer = run(tmp_path, axle(PLAIN, field, 3, MISSING[field]))
@@ -105,6 +108,7 @@ def test_one_axle_alone_identifies_no_radius(tmp_path):
     assert {"wheel_radius", "rail_cleaning"} <= set(answer.untested)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "given",
     [
@@ -126,6 +130,7 @@ def test_a_channel_that_is_mostly_not_available_is_reported_as_such(tmp_path):
     assert "humidity" not in {one["effect"] for one in answer.document["evidence"]}
 
 
+@pytest.mark.costly
 def test_channels_that_do_not_move_are_told(tmp_path):
     given = whole(whole(PLAIN, "humidity", 50.0), "curvature", 0.0)
     given = whole(whole(given, "rail_temperature", 20.0), "sanding", 0.0)
@@ -167,6 +172,7 @@ GAPS = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "kind",
     first_quick(GAPS),
@@ -204,6 +210,7 @@ TIMES = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "kind",
     [
@@ -324,6 +331,7 @@ def fuzzed(folder, faults, gone):
     return answer
 
 
+@pytest.mark.costly
 @settings(max_examples=3, derandomize=True, phases=[Phase.generate])
 @given(faults=st.lists(FAULTS, max_size=3), gone=st.lists(GONE, max_size=3))
 def test_whatever_is_wrong_with_the_signals_it_answers(faults, gone, tmp_path_factory):
@@ -339,6 +347,7 @@ def test_whatever_is_wrong_with_the_signals_it_answers_long(faults, gone, tmp_pa
     fuzzed(tmp_path_factory.mktemp("f"), faults, gone)
 
 
+@pytest.mark.costly
 @settings(max_examples=1, derandomize=True, phases=[Phase.generate])
 @given(seed=st.integers(0, 10_000))
 def test_frames_that_are_lost_at_random_name_nothing(seed, tmp_path_factory):
@@ -349,6 +358,7 @@ def test_frames_that_are_lost_at_random_name_nothing(seed, tmp_path_factory):
     assert answer.verdict == "nothing_found"
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("line", [100, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_bytes_that_flip_are_rejected_and_the_rest_is_read(line, tmp_path):
     path = write(tmp_path / "a.log", PLAIN)

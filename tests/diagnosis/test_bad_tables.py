@@ -77,6 +77,7 @@ SOUND = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", SOUND)
 def test_nothing_is_found_where_nothing_is(kind, tmp_path):
     assert run(tmp_path, SOUND[kind]).verdict == "nothing_found"
@@ -192,6 +193,7 @@ def test_a_few_rows_without_load_are_told_as_such(tmp_path):
     assert "without a finite time" not in answer.out + answer.err
 
 
+@pytest.mark.costly
 def test_a_column_that_looks_like_the_time_is_told(tmp_path):
     given = columns()
     given = {("time" if name == "time_s" else name): values for name, values in given.items()}

@@ -39,6 +39,7 @@ def drive(seed, curve, *, factor=None, speed=10.0, rows=ROWS):
     )
 
 
+@pytest.mark.costly
 @two_of_three(SEEDS)
 def test_another_curve_is_named_and_no_sensor(seed, tmp_path):
     _, mu_max, lambda_m = hyperbola(np.zeros(1))
@@ -62,6 +63,7 @@ def test_another_curve_is_named_and_no_sensor(seed, tmp_path):
     assert [one.chosen for one in found.families].count(True) == 1
 
 
+@pytest.mark.costly
 def test_intervals_of_the_peak_hold_that_of_a_curve_of_no_family():
     """Of six 95 % intervals at least four; each one should hold the truth in 90 % of drives.
 
@@ -78,6 +80,7 @@ def test_intervals_of_the_peak_hold_that_of_a_curve_of_no_family():
     assert inside >= 4
 
 
+@pytest.mark.costly
 @two_of_three(SEEDS)
 def test_an_effect_on_another_curve_is_named_beside_it(seed):
     def damp(t):
@@ -87,6 +90,7 @@ def test_an_effect_on_another_curve_is_named_beside_it(seed):
     assert {cause.effect for cause in found.causes} == {"curve_shape", "humidity"}
 
 
+@pytest.mark.costly
 @two_of_three(SEEDS)
 def test_burckhardts_curve_stays(seed):
     """With an effect or without: what Burckhardt's curve explains is no matter of the shape."""
@@ -96,6 +100,7 @@ def test_burckhardts_curve_stays(seed):
     assert "curve_shape" not in {cause.effect for cause in falling.causes}
 
 
+@pytest.mark.costly
 @two_of_three(SEEDS)
 def test_two_humps_are_no_shape_of_a_family(seed):
     """What no family describes stays unexplained, with the slip as its channel."""

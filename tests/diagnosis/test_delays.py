@@ -43,6 +43,7 @@ def braking_car(path, seed, late, by):
 EFFECT = {"speed": "speed_delay", "wheel": "wheel_speed_delay", "force": "effort_delay"}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("late", "by"), first_quick(itertools.product(EFFECT, (0.1, -0.063))))
 def test_the_signal_that_is_late_or_early_is_named(tmp_path, late, by):
     named, sizes = 0, []
@@ -59,6 +60,7 @@ def test_the_signal_that_is_late_or_early_is_named(tmp_path, late, by):
     assert np.allclose(sizes, by, atol=0.012)
 
 
+@pytest.mark.costly
 def test_rows_too_far_apart_do_not_show_a_delay(tmp_path):
     rng = np.random.default_rng(5)
     t = np.arange(1500.0)
@@ -155,6 +157,7 @@ def test_at_one_speed_a_delay_and_a_relaxation_are_rivals(tmp_path, lag):
         assert {named} | rivals == LAGS
 
 
+@pytest.mark.costly
 def test_a_force_that_is_early_is_no_relaxation(tmp_path):
     for seed in range(2):
         named, size, rivals = lag_of(rig(tmp_path / "t.csv", seed, [10.0], by=-0.1))
@@ -162,6 +165,7 @@ def test_a_force_that_is_early_is_no_relaxation(tmp_path):
         assert abs(size) == pytest.approx(0.1, abs=0.01)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("expected", "lag"),
     [
@@ -224,6 +228,7 @@ def test_noise_of_the_slips_moves_no_delay_and_makes_no_relaxation_of_it(tmp_pat
         assert abs(delay.value - late_s) < 5.0 * delay.std
 
 
+@pytest.mark.costly
 def test_no_delay_is_tried_beyond_what_a_delay_may_be(tmp_path, monkeypatch):
     """The effort is as late as a delay may be at most; twice as much has no rows, and no fit."""
     tried = []

@@ -7,6 +7,7 @@ from tests.diagnosis.diagnosis_helpers import burckhardt, diagnosed, write_table
 from tests.sampling.test_derived_force import STEP_S, vehicle
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_delay_is_named_where_the_force_is_the_speeds_derivative(tmp_path, seed):
     """A car in free braking, filmed: slip from the wheel, force and speed from one camera."""

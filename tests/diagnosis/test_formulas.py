@@ -25,6 +25,7 @@ def found_in(folder, mechanism):
     return causes[0], answer
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "kind",
     [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS],
@@ -41,6 +42,7 @@ def test_the_form_is_found_in_most_tables(tmp_path, kind):
     assert right >= 2
 
 
+@pytest.mark.costly
 def test_constants_are_those_of_the_law(tmp_path):
     mechanism = make_mechanism(2000, "threshold", size=SIZE)
     cause, answer = found_in(tmp_path, mechanism)
@@ -65,6 +67,7 @@ def test_a_straight_line_needs_no_formula(tmp_path, seeds):
         assert cause["effect"] == "channel:wind"
 
 
+@pytest.mark.costly
 def test_without_a_mechanism_no_formula_is_named(tmp_path):
     """Six tables of noise: nothing is named in five at least."""
     named = 0
@@ -75,6 +78,7 @@ def test_without_a_mechanism_no_formula_is_named(tmp_path):
     assert named <= 1
 
 
+@pytest.mark.costly
 def test_the_model_with_a_formula_serves_the_other_commands(tmp_path, capsys):
     mechanism = make_mechanism(5000, "saturation", size=SIZE)
     table, model = write_mechanism(mechanism, tmp_path / "t.csv"), tmp_path / "m.toml"
@@ -89,6 +93,7 @@ def test_the_model_with_a_formula_serves_the_other_commands(tmp_path, capsys):
     assert "without formula" in text
 
 
+@pytest.mark.costly
 def test_a_formula_of_the_users_competes(tmp_path):
     mechanism = make_mechanism(6000, "threshold", size=SIZE)
     table = write_mechanism(mechanism, tmp_path / "t.csv")
@@ -101,6 +106,7 @@ def test_a_formula_of_the_users_competes(tmp_path):
     assert "--formula" in answer.document["command"]
 
 
+@pytest.mark.costly
 def test_beside_a_formula_of_the_users_none_is_proposed(tmp_path):
     """A second law, in the other column, is told as what is left: a model has one formula."""
     mechanism = make_mechanism(8000, "threshold", size=SIZE)

@@ -54,6 +54,7 @@ def has_size(cause):
     return abs(first["value"]) > 1.96 * first["std"] or cause["effect"] == "curve_shape"
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", slow_but(QUICK_SINGLES, SINGLES))
 @two_of_three(SEEDS)
 def test_one_effect_is_named(seed, kind, tmp_path):
@@ -84,6 +85,7 @@ def test_another_contact_is_named_and_nothing_beside_it(seed, kind, tmp_path):
     assert answer.named <= {"curve_shape", "falling_friction"}, answer.out
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", slow_but(PAIRS[:1], PAIRS))
 @two_of_three(SEEDS)
 def test_two_effects_are_both_named(seed, kind, tmp_path):
@@ -92,6 +94,7 @@ def test_two_effects_are_both_named(seed, kind, tmp_path):
     assert len(answer.named) == 2
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", slow_but(QUICK_NULLS, NULLS))
 @two_of_three(SEEDS)
 def test_nothing_is_found_where_nothing_is_hidden(seed, kind, tmp_path):
@@ -100,6 +103,7 @@ def test_nothing_is_found_where_nothing_is_hidden(seed, kind, tmp_path):
     assert answer.document["causes"] == []
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", slow_but(("out:table",), OUTSIDE))
 @two_of_three(SEEDS)
 def test_what_is_not_in_the_library_is_not_named(seed, kind, tmp_path):

@@ -33,6 +33,7 @@ def test_a_drive_held_out_gives_the_gain_of_what_another_one_named(world):
     assert low < found["gain"]["percent"] < high
 
 
+@pytest.mark.costly
 def test_of_two_drives_one_is_held_out_and_its_name_is_given(world):
     _, folder = world
     found = diagnosed(folder, str(folder / "a.log"), str(folder / "a_fresh.log"))

@@ -22,6 +22,7 @@ def test_wheels_that_grow_warm_are_no_error_of_the_speed(seed, tmp_path):
     assert "all wheel radii growing as the wheels warm up" in error["refuted_by"]
 
 
+@pytest.mark.costly
 def test_what_chance_explains_once_in_twenty_drives_has_no_name(tmp_path):
     path = tmp_path / "drive.log"
     make_outside("outside:shower", 26001, path)

@@ -58,6 +58,7 @@ def test_a_sure_gain_that_is_small_is_not_worth_a_name():
     assert not is_improvement(plain, scored(10.0 - gains_with_p(1e-8), 0.995), 1.0)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_the_p_values_are_those_of_chance(seed):
     """Gains of either sign with equal chance: at most 1 % of drives below 1 %, here of 2000."""

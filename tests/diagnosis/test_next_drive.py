@@ -106,6 +106,7 @@ def test_every_effect_of_the_library_can_be_planned_with(effect):
     assert all(np.isfinite(gram).all() for gram in grams.values())
 
 
+@pytest.mark.costly
 def test_the_prediction_agrees_with_the_simulated_locomotive():
     """An oracle of its own: the plant with its wheels, its train and its controller."""
     plan = DrivingPlan((TRACTION, BRAKING), 12.0)
@@ -223,6 +224,7 @@ def test_the_drive_is_as_short_as_the_best_of_all_sequences(pair, least_s):
     assert found.reached >= 0.9 * most
 
 
+@pytest.mark.costly
 def test_the_sentence_says_what_to_drive_and_what_each_predicts():
     found = plan_drive((BIAS, SCALE), SETTING, PlanLimits())
     assert found.plan is not None
@@ -294,6 +296,7 @@ def test_no_sweep_is_quicker_than_what_smooths_a_late_speed(window_s, quick, mon
     assert QUICK_S not in periods
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("explanations", "limits", "said"),
     [

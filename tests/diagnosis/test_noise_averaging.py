@@ -31,6 +31,7 @@ def table(path, seed, *, length=0.0, slip_noise=0.0):
     return write_table(path, columns)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_of_the_slip_is_no_relaxation(tmp_path, seed):
     found = diagnose(table(tmp_path / "t.csv", seed, slip_noise=0.002))

@@ -79,6 +79,7 @@ def test_the_page_has_the_table_that_the_command_prints():
     assert table[1] == mechanism_table()
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_a_mechanism_is_felt_the_more_the_larger_it_is(name, tmp_path):
     shares = [

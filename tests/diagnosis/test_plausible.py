@@ -46,6 +46,7 @@ def asymmetric(path, seed, braking):
     return path
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("seed", "braking"), [(1, 2.2), (2, 3.0)])
 def test_an_asymmetry_beyond_its_range_is_told_and_neither_it_nor_its_like_is_named(
     tmp_path, seed, braking
@@ -58,6 +59,7 @@ def test_an_asymmetry_beyond_its_range_is_told_and_neither_it_nor_its_like_is_na
     assert closest.parameters[0].value == pytest.approx(braking - 1.0, abs=0.05)
 
 
+@pytest.mark.costly
 def test_a_brake_that_takes_most_of_the_force_is_no_asymmetry_beyond_its_range(tmp_path):
     """No rail has 30 % of the adhesion in braking; a blended brake may take 70 % of the force."""
     (cause,) = diagnose(asymmetric(tmp_path / "table.csv", 3, 0.3)).causes

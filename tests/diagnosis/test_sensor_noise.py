@@ -22,6 +22,7 @@ def table(path, seed, *, rough=0.0):
     return write_table(path, columns)
 
 
+@pytest.mark.costly
 def test_the_sensors_explain_white_noise(tmp_path):
     """Floor over sensors' noise within 7 % of 1, in five tables of five."""
     for seed in range(5):
@@ -32,6 +33,7 @@ def test_the_sensors_explain_white_noise(tmp_path):
         assert found.noise.ratio == pytest.approx(1.0, abs=0.07)
 
 
+@pytest.mark.costly
 def test_what_the_sensors_do_not_explain_is_not_called_noise(tmp_path):
     for seed in range(5):
         found = diagnose(table(tmp_path / "t.csv", seed, rough=0.03))

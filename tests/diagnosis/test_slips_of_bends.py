@@ -7,6 +7,7 @@ from adhesion_can import diagnose
 from tests.seeds import first_quick
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_no_shape_is_named_after_slips_that_have_no_force(seed, tmp_path):
     """In bends wheels run another way: beyond the 'peak' half of the forces are against the slip.

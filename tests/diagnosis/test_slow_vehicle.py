@@ -48,6 +48,7 @@ def robot(seed, length):
     return {name: np.concatenate([one[name] for one in tables]) for name in tables[0]}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick([1, 2]))
 def test_a_lag_of_seconds_gets_an_answer(tmp_path, seed):
     answer = diagnosed(tmp_path, write_table(tmp_path / "t.csv", robot(seed, 0.3)))

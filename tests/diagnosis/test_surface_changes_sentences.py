@@ -68,6 +68,7 @@ def test_a_surface_that_stays_the_same_has_no_changes(kind, names, tmp_path):
     assert find_surface_changes(drive, build_candidates([drive])[0]) == []
 
 
+@pytest.mark.costly
 def test_another_contact_is_no_surface_that_changes(tmp_path):
     """Of 24 drives on contacts that are not Burckhardt's two have a change, of these three none.
 

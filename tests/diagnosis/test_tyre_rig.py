@@ -17,6 +17,7 @@ def rows_of(folder):
     return path, head, rows
 
 
+@pytest.mark.costly
 def test_straight_running_names_the_load(realdata, tmp_path):
     _, head, rows = rows_of(realdata)
     angle, lean = head.index("slip_angle_deg"), head.index("inclination_deg")

@@ -37,6 +37,7 @@ def causes(answer):
     return {cause["effect"]: cause for cause in answer.document["causes"]}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick(range(5)))
 def test_a_column_that_matters_is_named_with_its_size(tmp_path, seed):
     rng, t_s, slip, sweep, curve, white = rig(seed)
@@ -93,6 +94,7 @@ def test_two_values_of_one_column_can_be_causes_together(tmp_path):
     assert found == {1.0, 2.0}, answer.out
 
 
+@pytest.mark.costly
 def test_a_column_of_texts_groups_the_rows(tmp_path):
     rng, t_s, slip, sweep, curve, white = rig(9)
     wet = per_sweep(rng.permutation(np.arange(SWEEPS) % 2), sweep)
@@ -109,6 +111,7 @@ def test_a_column_of_texts_groups_the_rows(tmp_path):
     assert cause["parameters"]["gain"]["value"] == pytest.approx(-0.15, abs=0.02)
 
 
+@pytest.mark.costly
 def test_a_measured_column_is_preferred_to_mere_time(tmp_path):
     """A column that runs with time explains as much as time does: the column is the cause."""
     rng, t_s, slip, _, curve, white = rig(10)
@@ -122,6 +125,7 @@ def test_a_measured_column_is_preferred_to_mere_time(tmp_path):
     assert "slow_drift" not in causes(answer)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick([20, 21, 22]))
 def test_a_column_in_steps_that_goes_with_time_is_named_with_time_as_its_rival(tmp_path, seed):
     """Three blocks of a test plan: what a smooth drift fits better may still be the column."""
@@ -135,6 +139,7 @@ def test_a_column_in_steps_that_goes_with_time_is_named_with_time_as_its_rival(t
     assert "slow_drift" in causes(answer)["channel:angle"]["rivals"]
 
 
+@pytest.mark.costly
 def test_another_measurement_of_the_force_is_no_cause(tmp_path):
     rng, t_s, slip, sweep, curve, white = rig(11)
     adhesion = (1.0 + 0.05 * per_sweep(rng.normal(size=SWEEPS), sweep)) * curve + white
@@ -145,6 +150,7 @@ def test_another_measurement_of_the_force_is_no_cause(tmp_path):
     assert "another measurement of the same quantity is not a cause" in why["channel:torque"]
 
 
+@pytest.mark.costly
 def test_the_model_file_carries_a_channel_and_identify_removes_it(tmp_path):
     rng, t_s, slip, sweep, curve, white = rig(12)
     x1 = per_sweep(rng.normal(size=SWEEPS), sweep)
@@ -161,6 +167,7 @@ def test_the_model_file_carries_a_channel_and_identify_removes_it(tmp_path):
     assert extended == pytest.approx(0.012, rel=0.1)
 
 
+@pytest.mark.costly
 def test_a_channel_that_one_table_lacks_is_not_tested(tmp_path):
     paths = []
     for seed, columns in ((13, {"x1": 1}), (14, {})):
@@ -173,6 +180,7 @@ def test_a_channel_that_one_table_lacks_is_not_tested(tmp_path):
     assert "14.csv does not have it" in why["channel:x1"]
 
 
+@pytest.mark.costly
 def test_the_terminal_says_what_is_left_and_with_what_it_goes(tmp_path):
     """Beside a named column another one acts in a way that no factor describes."""
     rng, t_s, slip, sweep, curve, white = rig(15)
@@ -184,6 +192,7 @@ def test_the_terminal_says_what_is_left_and_with_what_it_goes(tmp_path):
     assert "The residual depends on x2" in " ".join(answer.out.split())
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick([21, 22]))
 def test_a_column_is_named_beside_two_effects_of_the_library(tmp_path, seed):
     rng, t_s, slip, sweep, curve, white = rig(seed)

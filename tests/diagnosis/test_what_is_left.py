@@ -24,6 +24,7 @@ def test_a_cause_is_named_where_noise_is_left(worn):
     assert [cause.effect for cause in diagnose(worn).causes] == ["wheel_radius"]
 
 
+@pytest.mark.costly
 @pytest.mark.slow
 @pytest.mark.parametrize(("p_value", "is_named"), [(0.005, True), (0.02, False)])
 def test_a_cause_is_named_at_the_one_percent_level(worn, monkeypatch, p_value, is_named):
@@ -41,6 +42,7 @@ def test_a_cause_with_too_small_a_share_is_the_closest(worn, monkeypatch):
     assert found.verdict.value == "unexplained"
 
 
+@pytest.mark.costly
 @pytest.mark.slow
 def test_a_cause_that_gains_too_little_elsewhere_has_no_name(worn, monkeypatch):
     monkeypatch.setattr(confirm_on_hold_out, "LEAST_GAIN", 1.0)

@@ -37,6 +37,7 @@ def doubt(tmp_path, kind, seed, effect, form, values, seconds=120.0):
     return shares
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("effect", ["sanding", "wheelset_inertia"])
 def test_the_doubt_goes_with_the_true_cause(tmp_path, effect):
     shares = [doubt(tmp_path, effect, seed, effect, "", None) for seed in (21, 22, 23)]
@@ -44,6 +45,7 @@ def test_the_doubt_goes_with_the_true_cause(tmp_path, effect):
     assert all(one.after <= 0.1 for one in shares)
 
 
+@pytest.mark.costly
 def test_the_doubt_stays_with_what_imitates_an_unlisted_mechanism(tmp_path):
     # A second hump of the curve looks like friction that falls with the creep speed.
     shares = [
@@ -85,6 +87,7 @@ def log(tmp_path_factory):
 
 
 class TestVerdict:
+    @pytest.mark.costly
     def test_named_causes_that_the_service_contradicts_are_closest(self, log):
         drives = [
             one.drive for one in load_inputs(list_input_files([log]), CONFIG, lambda *_: None)
@@ -105,6 +108,7 @@ class TestVerdict:
         )
         assert found.model is None or found.model.effects == ()
 
+    @pytest.mark.costly
     def test_the_doubt_stands_in_text_and_json(self, log):
         found = diagnose(log, witness=True)
         witness = found.to_dict()["witness"]
@@ -114,6 +118,7 @@ class TestVerdict:
         (sentence,) = (s for s in verdict_sentences(found) if s.startswith("Second witness"))
         assert sentence.endswith("0 % of the time: the causes explain its doubt.")
 
+    @pytest.mark.costly
     def test_nobody_is_asked_without_the_option(self, log):
         found = diagnose(log)
         assert found.to_dict()["witness"] is None

@@ -31,6 +31,7 @@ def world():
     return World("null:0", 3, 0, 60.0)
 
 
+@pytest.mark.costly
 def test_worlds_share_no_code_with_the_product():
     names = "tests.worlds, tests.worlds.outside.world, tests.worlds.outside.car"
     code = f"import sys, {names}; print([m for m in sys.modules if 'adhesion_can' in m])"
@@ -62,6 +63,7 @@ def test_every_frame_is_what_cantools_and_e2e_make_of_the_readings(world, tmp_pa
     assert not by_id
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", [*SINGLES, *LAWS, *OUTSIDE, PAIRS[7]])
 def test_each_effect_is_as_large_as_is_stated(kind, tmp_path):
     path = tmp_path / ("a.csv" if kind == "out:table" else "a.log")

@@ -407,6 +407,7 @@ def test_no_change_is_reported_on_a_constant_surface(name, sd):
     assert not any(e.change_probability for e in estimates if e is not None)
 
 
+@pytest.mark.costly
 def test_the_new_window_takes_hardly_a_sample_of_the_old_rail():
     away = []
     for seed in range(20):

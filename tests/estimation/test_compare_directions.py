@@ -21,6 +21,7 @@ def contact(seed, rows=4000, top=0.1, mu=0.35, noise=0.01):
     return slip, adhesion + noise * rng.standard_normal(rows), rng
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("noise", first_quick([0.03, 0.003, 0.1]))
 @pytest.mark.parametrize("seeds", [FEW, pytest.param(SEEDS, marks=pytest.mark.slow)], ids=len)
 def test_one_curve_is_identified_whatever_the_noise(noise, seeds):
@@ -54,6 +55,7 @@ def test_slips_without_a_force_are_no_fall_beyond_a_peak():
         assert "opposite signs" in one.sentence(TimeScale())
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seeds", [FEW, pytest.param(SEEDS, marks=pytest.mark.slow)], ids=len)
 def test_a_mild_asymmetry_leaves_the_peak_identified(seeds):
     # The library's own effect of typical size.

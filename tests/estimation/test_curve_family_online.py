@@ -61,6 +61,7 @@ def run(estimator, seed, duration_s=40.0):
 SEEDS = first_quick([1, 2, 3])
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_peak_of_polachs_contact_is_found_with_its_model(seed):
     found, mu_max, lambda_m = run(ExtendedEstimator(Tracker(), MODEL, AXLES), seed)
@@ -68,6 +69,7 @@ def test_the_peak_of_polachs_contact_is_found_with_its_model(seed):
     assert found.lambda_m == pytest.approx(lambda_m, rel=0.08)
 
 
+@pytest.mark.costly
 def test_what_the_form_may_be_wrong_by_is_part_of_the_standard_deviations():
     curve = BaseCurve(MODEL.curve.family, MODEL.curve.values, peak_std=(0.005, 0.04))
     vague = ExtendedModel(base=MODEL.base, curve=curve)
@@ -92,6 +94,7 @@ def test_the_prior_of_the_shape_is_not_counted_beside_a_measured_one():
     assert shaped.lambda_m_std < 0.2 * shaped.lambda_m
 
 
+@pytest.mark.costly
 def test_without_the_model_the_peak_is_elsewhere():
     found, _, lambda_m = run(Tracker(), 1)
     assert abs(found.lambda_m / lambda_m - 1.0) > 0.1

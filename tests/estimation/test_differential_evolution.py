@@ -277,6 +277,7 @@ def test_noise_free_named_surfaces_come_back_within_a_percent(surface, top):
     assert relative_error_after_20_blocks(surface.theta, top, 1) <= 0.01
 
 
+@pytest.mark.costly
 @settings(FIXED, max_examples=25)
 @given(
     st.floats(0.1, 1.0),
@@ -338,6 +339,7 @@ def test_j_comes_to_its_minimum_over_many_blocks(sd):
     assert np.quantile(gaps, 0.9) <= 0.1
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("start", ["previous", "uniform"], ids=["experiment 3", "experiment 2"])
 def test_estimate_follows_the_papers_switches(start):
     changes = {} if start == "previous" else {"start": "uniform", "factor": 0.5}
@@ -355,6 +357,7 @@ def test_estimate_follows_the_papers_switches(start):
     assert np.sqrt(np.mean((mu - true) ** 2)) < 0.002
 
 
+@pytest.mark.costly
 def test_sequence_converges_as_in_experiment_1():
     # λ rises from 0 to 0.5 in 500 samples: c1, c2 there at about 0.1, c3 at about 0.4.
     theta = PAPER_SURFACES[0]

@@ -116,6 +116,7 @@ def relaxed(rng, seconds, length=0.7, speed=10.0, wheel=0.0003, vehicle=0.001):
     return [part for part in parts if part.t_us[0] > 1_000_000]
 
 
+@pytest.mark.costly
 def test_behind_a_relaxing_contact_variances_are_those_of_the_smoothed_slip():
     # 3 s of errors that last 0.07 s: 20 % in one run; four standard errors of 40.
     left, stated, across = [], [], []

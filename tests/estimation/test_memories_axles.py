@@ -279,11 +279,13 @@ def rms(errors):
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
+@pytest.mark.costly
 def test_a_rail_that_drifts_is_no_other_rail():
     _, estimates = follow(Tracker(), drying, seconds=600, period=1.0, seed=1)
     assert all(e.change_probability < 0.5 for e in estimates)
 
 
+@pytest.mark.costly
 def test_a_rail_that_drifts_is_followed():
     # Told that it is one rail, so that nothing but the memories follows it.
     chosen = {"seconds": 600, "period": 1.0, "seed": 2}

@@ -171,6 +171,7 @@ def test_an_unmeasured_load_widens_the_heights_error(spread):
     assert e.lambda_m_std == pytest.approx(plain.lambda_m_std)
 
 
+@pytest.mark.costly
 def test_stated_errors_of_the_peak_cover_it():
     hits = {"mu_max": 0, "lambda_m": 0}
     runs = 200
@@ -184,6 +185,7 @@ def test_stated_errors_of_the_peak_cover_it():
         assert 173 <= count < runs, name
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("sd", [0.001, 0.01])
 def test_stated_errors_of_the_very_first_block_cover_the_peak(sd):
     # From a random start the search may not be at the minimum yet: then its standard error, that

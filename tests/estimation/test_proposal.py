@@ -56,6 +56,7 @@ def draw_curves(theta, std, reach, count, seed):
     return costs[weights > 0.0], weights, float(noise @ noise)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("reach", [0.7, 1.5, 3.0])
 @pytest.mark.parametrize("std", [0.0003, 0.001, 0.01])
 @pytest.mark.parametrize("name", SURFACES)

@@ -92,6 +92,7 @@ def verdicts(estimate, true):
     return found
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=(pytest.mark.slow, pytest.mark.long))])
 def test_the_stated_intervals_hold_on_contacts_of_others(seeds):
     """At least 90 %; a contact that only saturates has no place of its peak."""

@@ -36,6 +36,7 @@ def last(estimator, samples, size=12):
     return estimate
 
 
+@pytest.mark.costly
 @FIXED
 @given(
     c1=st.floats(0.1, 0.6),

@@ -41,6 +41,7 @@ def errors(late_s, seed, height=1.0 + GAIN, ends=OFF_S):
     return np.array(found).T
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("late_s", [0.7, -0.7])
 def test_the_adhesion_follows_the_samples_and_not_the_message(late_s):
     """And no change of the surface is made of what the switch has done."""
@@ -49,11 +50,13 @@ def test_the_adhesion_follows_the_samples_and_not_the_message(late_s):
     assert all((since == since[0]).all() for *_, since in drives)
 
 
+@pytest.mark.costly
 def test_a_message_in_time_changes_nothing():
     wrong = np.concatenate([np.abs(errors(0.0, seed)[1]) > 0.03 for seed in SEEDS])
     assert not wrong.any()
 
 
+@pytest.mark.costly
 def test_a_surface_that_only_looks_like_the_switch_is_followed():
     """No message ever comes: after 1.5 s it is the rail that has changed."""
     for seed in SEEDS:
@@ -62,6 +65,7 @@ def test_a_surface_that_only_looks_like_the_switch_is_followed():
         assert np.abs(error[settled]).max() < 0.03
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("height", [0.6, 1.6])
 def test_another_change_than_the_switch_makes_is_one_of_the_surface(height):
     for seed in SEEDS:

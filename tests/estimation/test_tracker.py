@@ -97,6 +97,7 @@ def coverage(runs, sd, share, count, size, seed=5):
 CELLS = [(sd, share) for sd in (0.001, 0.01, 0.1) for share in (0.2, 0.5, 1.5, 3.0)]
 
 
+@pytest.mark.costly
 def test_intervals_hold_nine_curves_of_ten_over_all_cells():
     told = np.mean([coverage(30, sd, share, 4, 50) for sd, share in CELLS], axis=0)
     # 360 runs: three standard errors are 0.05.
@@ -252,6 +253,7 @@ def scores(seeds, count, *, weigh=True, **errors):
     return np.array(biases), np.array(told)
 
 
+@pytest.mark.costly
 def test_errors_of_both_numbers_of_the_peak_are_as_large_as_stated():
     """RMS of 40 errors over their standard deviations: 0.92 to 1.30 in six sets of 40 seeds.
 
@@ -284,6 +286,7 @@ def test_wheel_noise_does_not_flatten_the_slope():
     assert abs(biases.mean()) < 0.016
 
 
+@pytest.mark.costly
 def test_vehicle_noise_does_not_flatten_the_slope():
     # 1.4 % in one run: six standard errors of the mean, and 0.2 % of the prior's pull.
     biases, told = scores(range(20), 30, wheel=1e-9)
@@ -417,6 +420,7 @@ def claims(seed, error, size, *, count=100, level=0.0, frames=False):
     return claimed
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("error", "size", "count", "frames"),
     [
@@ -638,6 +642,7 @@ def grown(count, updates):
         tracemalloc.stop()
 
 
+@pytest.mark.costly
 def test_memory_does_not_grow():
     updates = scene(60)
     # The last estimate and curves drawn anew are held in either case.
@@ -726,6 +731,7 @@ def test_noise_that_is_not_the_configured_one_is_no_change_at_the_start(noise):
     assert sum(changes_declared(scenario, 3.0, seed, noise, None) for seed in range(6)) == 0
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("seed", "duration_s"), first_quick([(1, 20.0), (1, 45.0), (2, 45.0)]))
 def test_loads_between_their_readings_are_no_other_surface(seed, duration_s):
     """Drives with half of the noise: none; in 45 s seven and nine where loads were held still."""

@@ -51,6 +51,7 @@ def draw_data(bound, rng, used):
     return h, c1 * -np.expm1(-c2 * h) - c3 * h + NOISE_STD * rng.standard_normal(len(h))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("used", "surfaces"), first_quick([(0.95, 8), (0.95, 24), (0.5, 24), (0.7, 24), (0.9, 24)])
 )

@@ -275,6 +275,7 @@ def test_all_data_in_bins_have_the_minimum_of_the_samples():
         assert np.sum(residual(theta) ** 2) == pytest.approx(2 * best.cost, rel=1e-4)
 
 
+@pytest.mark.costly
 def test_slow_ones_take_part_in_the_first_runs_only():
     _, results = outcome_of(SMALL, {"scipy-de": lambda _: Fixed(SURFACES[0])}, runs=7)
     assert results["scipy-de"].runs == 5
@@ -336,6 +337,7 @@ def test_the_closer_look_counts_from_the_switch_where_updates_do_not_end_there()
     assert (needed == 6).all()
 
 
+@pytest.mark.costly
 def test_the_closer_look_is_taken_in_the_first_runs():
     _, results = outcome_of(replace(SMALL, detail_runs=1), {}, runs=3, oracle=informed(0))
     assert results["oracle"].samples_needed.shape == (1, 2)

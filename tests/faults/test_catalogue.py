@@ -30,6 +30,7 @@ def test_there_are_kinds_enough():
     assert len(KINDS) - len(FAULTS) >= 7
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_on_the_bus_from_its_onset_to_its_end(name):
     sizes = KINDS[name].sizes

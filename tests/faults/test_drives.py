@@ -36,6 +36,7 @@ SLOW = ("real_wet_rail", "speed_less", "nothing", "wheels_at_rest")
 """Kinds that are played so among the slow tests."""
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", first_quick((*QUICK, *SLOW), len(QUICK)))
 def test_a_fault_is_not_followed_for_long(name):
     one = play(name, make_case(name, KINDS[name].sizes[0], 2, stays=True))

@@ -71,6 +71,7 @@ def test_frames_are_sealed_and_carry_the_readings(truth):
     assert readings.wheel.shape[1] == AXLES
 
 
+@pytest.mark.costly
 def test_nothing_but_the_play_uses_the_product():
     names = "tests.faults.catalogue, tests.faults.judge, tests.faults.locomotive"
     code = f"import sys, {names}; print([m for m in sys.modules if 'adhesion_can' in m])"

@@ -53,6 +53,7 @@ def test_check_tells_nothing_where_the_watch_is_off(drive, tmp_path):
     assert json.loads((tmp_path / "c.json").read_text())["objections"] == []
 
 
+@pytest.mark.costly
 def test_replay_has_it_in_its_table_and_on_its_page(drive, tmp_path):
     name, case, path = drive
     table, page = tmp_path / "t.csv", tmp_path / "r.html"
@@ -71,6 +72,7 @@ def test_replay_has_it_in_its_table_and_on_its_page(drive, tmp_path):
     assert all(peak == pytest.approx(wanted, rel=0.1) for peak in set(peaks))
 
 
+@pytest.mark.costly
 def test_monitor_says_it_of_what_is_on_the_bus(drive, tmp_path, capsys):
     """From the frames alone, as from a service on another machine."""
     name, case, path = drive

@@ -28,6 +28,7 @@ def log(drives):
     return drives / "007" / "drive0.log"
 
 
+@pytest.mark.costly
 def test_one_pass_gives_what_the_commands_read_each_for_itself(log, config):
     contents = scan(Recording(log).blocks(), config)
     samples, _ = extract_samples(Recording(log).blocks(), config, "x")
@@ -42,6 +43,7 @@ def test_one_pass_gives_what_the_commands_read_each_for_itself(log, config):
     assert (contents.traces.rejected, contents.traces.derived) == (traces.rejected, traces.derived)
 
 
+@pytest.mark.costly
 def test_every_column_is_one_of_the_schema(log, config):
     analysis = analyse(log, "x", file_sha256(log), config, STEPS)
     assert not analysis.failed, analysis.fields["error"]
@@ -53,6 +55,7 @@ def test_every_column_is_one_of_the_schema(log, config):
     assert analysis.rows["segments"]
 
 
+@pytest.mark.costly
 def test_the_commands_say_the_same(log, config, tmp_path):
     import json
 

@@ -71,6 +71,7 @@ def pooled_deviations(folder, hidden, seeds, drives):
     return np.abs(deviations), np.abs(errors)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("hidden", HIDDEN, ids=lambda one: one.effect)
 def test_a_size_is_not_that_of_the_first_order(tmp_path, hidden):
     """To first order these are 20 to 63 % off, 5 to 9 %, and 5 to 12 %."""
@@ -83,6 +84,7 @@ def test_a_size_is_not_that_of_the_first_order(tmp_path, hidden):
     assert abs(found.value - truth) < 0.5 * abs(unit.grams.size[place] - truth)
 
 
+@pytest.mark.costly
 def test_a_residual_over_a_flat_slope_is_no_error_of_the_slip(tmp_path):
     """Slips are corrected by up to 4e7 here; the size was 0 with an error of 1e-6 of the truth."""
     hidden = HIDDEN[0]

@@ -120,6 +120,7 @@ def test_a_unit_some_of_whose_rows_are_gone_counts_as_failed_and_says_so(tmp_pat
     assert "effects of twice: 6 rows instead of 3" in twice.error
 
 
+@pytest.mark.costly
 def test_a_drive_of_a_locomotive_has_the_effect_that_is_hidden_in_it(tmp_path):
     """The record of a real diagnosis: size within its standard errors, and one row an effect."""
     drive = FleetDrive("L", "line1", "2026-03-01", (Hidden("effort_bias", "", {"bias": 4e3}),),

@@ -48,6 +48,7 @@ def test_each_kind_has_what_its_own_vehicles_share():
         assert len(result.named) <= 1
 
 
+@pytest.mark.costly
 def test_an_odd_vehicle_is_found_among_its_kind_beside_another_one():
     """Six times as many vehicles of another kind, all with that effect, do not hide it."""
     right = 0

@@ -20,6 +20,7 @@ def found_in(fleet, seeds):
     return [diagnose_fleet(fleet.draw(seed)) for seed in seeds]
 
 
+@pytest.mark.costly
 def test_a_fleet_with_nothing_gets_no_name():
     results = found_in(Fleet(), range(2 * FLEETS))
     # Findings of lines, days and the fleet at 1 % each, of any vehicle at 5 %: 8 % of the fleets;
@@ -29,11 +30,13 @@ def test_a_fleet_with_nothing_gets_no_name():
     assert sum(len(result.named) for result in results) <= 0.01 * 30 * len(results)
 
 
+@pytest.mark.costly
 def test_single_drives_with_nothing_get_no_name():
     results = found_in(Fleet(vehicles=40, drives=1), range(100, 100 + FLEETS))
     assert sum(bool(result.findings) for result in results) <= 5
 
 
+@pytest.mark.costly
 def test_an_effect_of_a_vehicle_is_named_on_it_alone():
     fleet = Fleet(by_vehicle={3: {1: SIZE}, 11: {4: -SIZE}}, worn={20: -0.01})
     right, wrong = 0, 0
@@ -48,6 +51,7 @@ def test_an_effect_of_a_vehicle_is_named_on_it_alone():
     assert wrong <= 0.05 * 3 * FLEETS + 3
 
 
+@pytest.mark.costly
 def test_sizes_are_within_their_standard_errors():
     fleet = Fleet(by_vehicle={3: {1: SIZE}})
     own = [
@@ -59,6 +63,7 @@ def test_sizes_are_within_their_standard_errors():
     assert np.sqrt(np.mean(np.square(own))) < 1.6
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("fleet", "scope", "where"),
     [
@@ -87,6 +92,7 @@ def test_an_effect_on_all_vehicles_and_more_of_it_on_one():
         }
 
 
+@pytest.mark.costly
 def test_a_size_that_differs_from_drive_to_drive_is_no_vehicles():
     """One drive of a vehicle shows what its other drives do not."""
     named = 0
@@ -119,6 +125,7 @@ def test_too_few_vehicles_are_not_compared(vehicles):
     assert "Vehicles are compared with each other if there are at least 5" in result.notes[0]
 
 
+@pytest.mark.costly
 def test_vehicles_of_another_kind_are_not_compared_with_the_others():
     bus = VehicleForm("TABLEs", 1, "b")
     buses = Fleet(vehicles=2, drives=6, everywhere={1: 2 * SIZE}, form=bus).draw(8)

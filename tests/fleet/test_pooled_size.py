@@ -119,6 +119,7 @@ def test_a_finding_has_the_size_that_its_recordings_name_and_json_lists_them():
     assert document["cause_sizes"][0]["value"] == pytest.approx(0.55)
 
 
+@pytest.mark.costly
 def test_of_effects_that_gain_alike_the_one_that_the_recordings_name_leads():
     """Two effects of the same size in a vehicle: to first order either may lead."""
     fleet, led = Fleet(by_vehicle={3: {1: SIZE, 4: SIZE}}), 0

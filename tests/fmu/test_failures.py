@@ -45,6 +45,7 @@ def raises():
     return pytest.raises(FMICallException)
 
 
+@pytest.mark.costly
 def test_a_killed_process_is_an_error_and_reset_starts_another(host):
     before = children()
     one = host.initialize("controller")

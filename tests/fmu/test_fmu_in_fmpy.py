@@ -60,6 +60,7 @@ def test_it_is_valid_with_a_configuration_too(tmp_path, kind):
     assert validate_fmu(str(path)) == []
 
 
+@pytest.mark.costly
 def test_the_service_gives_what_its_slave_gives_to_the_bit(host, config):
     slave = SLAVES["service"](config)
     drive = in_phase(config, 2.0)
@@ -128,6 +129,7 @@ def outputs_of(parts, fields):
     return values
 
 
+@pytest.mark.costly
 def test_two_instances_do_not_mix_and_reset_starts_again(host):
     first, second = host.initialize("locomotive", seed=1), host.initialize("locomotive", seed=2)
     names = ("wheel_speed_1", "vehicle_speed", "true_force_1")
@@ -217,6 +219,7 @@ def test_an_archive_is_the_same_each_time_and_holds_what_it_was_made_of(fmus, tm
             assert archive.read("modelDescription.xml") != plain.read("modelDescription.xml")
 
 
+@pytest.mark.costly
 def test_the_python_of_the_guide_gives_what_the_slave_gives(fmus, tmp_path, monkeypatch, config):
     guide = (ROOT / "docs" / "guides" / "fmu.md").read_text()
     (code,) = (one for one in re.findall(r"```python\n(.*?)```", guide, re.DOTALL) if "fmpy" in one)

@@ -33,6 +33,7 @@ def same(ours, theirs):
     )
 
 
+@pytest.mark.costly
 def test_setpoints_are_those_of_the_replay_to_the_bit(config, drive):
     theirs = replayed(config, drive)
     changes = {t_us: readings_by_name(config, frames) for t_us, frames in drive.items()}
@@ -49,6 +50,7 @@ def test_setpoints_are_those_of_the_replay_to_the_bit(config, drive):
     assert compared > 100
 
 
+@pytest.mark.costly
 def test_the_step_of_the_master_changes_nothing(config, drive):
     changes = {t_us: readings_by_name(config, frames) for t_us, frames in drive.items()}
     slave = ServiceSlave(config)
@@ -139,6 +141,7 @@ def test_without_efforts_there_is_no_service(config):
         ServiceSlave(replace(config, choices=few))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["tractive_effort_1", "vehicle_speed", "wheel_speed_3"])
 @pytest.mark.parametrize("bad", [inf, -inf])
 def test_a_reading_that_is_infinite_once_is_one_that_is_not_available(config, drive, name, bad):

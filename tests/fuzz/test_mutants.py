@@ -36,6 +36,7 @@ def small_heap():
     gc.unfreeze()
 
 
+@pytest.mark.costly
 @pytest.mark.timeout(900)
 @pytest.mark.usefixtures("small_heap")
 @pytest.mark.parametrize("kind", EACH_KIND)
@@ -47,6 +48,7 @@ def test_a_mutant_is_used_or_refused(kind, number, command):
     gc.collect()  # a file that was left open warns now
 
 
+@pytest.mark.costly
 @pytest.mark.timeout(300)
 @FEW
 @given(number=st.integers(0, 10**9), command=st.integers(0, 5))

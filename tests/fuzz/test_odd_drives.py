@@ -23,6 +23,7 @@ def first_number():
     return int.from_bytes(digest.digest()[:4], "little")
 
 
+@pytest.mark.costly
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("kind", DRIVES)
 def test_odd_drives_are_used_or_refused(kind):

@@ -45,12 +45,14 @@ def end_at_once(*_):
     os._exit(3)
 
 
+@pytest.mark.costly
 def test_a_service_that_crashed_is_no_end(monkeypatch):
     monkeypatch.setattr("tools.soak.watch_memory", end_at_once)
     with pytest.raises(ChildProcessError, match="after 0 h, with exit code 3"):
         OneService(DAY).wait(Found())
 
 
+@pytest.mark.costly
 def test_a_crash_is_told_beside_the_figures_of_the_histories(monkeypatch, capsys):
     def judge(*arguments):
         found = arguments[2]
@@ -104,6 +106,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "within", ["pass", "time.sleep(600.0)"], ids=["while it waits", "in the caller's loop"]
 )
@@ -123,6 +126,7 @@ def test_processes_end_with_the_command_that_began_them(within, tmp_path):
     assert time.monotonic() - began < 500
 
 
+@pytest.mark.costly
 def test_the_record_holds_for_what_a_history_loads():
     """In a process of its own, since the tests load everything."""
     told = subprocess.run(

@@ -156,6 +156,7 @@ CHILD = (
 )
 
 
+@pytest.mark.costly
 def test_a_child_that_cannot_take_readings_says_so_and_ends():
     with Started(CHILD, restart_s=1000.0) as started:
         started.send(4)
@@ -190,6 +191,7 @@ def test_reports_come_back():
         assert started.companion.take_news() is None
 
 
+@pytest.mark.costly
 def test_readings_and_doubt_reach_the_process_in_order():
     """What the child counts is what was put in, less what still gathers for the next batch."""
     program = (

@@ -288,6 +288,7 @@ def test_a_file_that_cannot_be_read_is_reported_and_learned_again(course, tmp_pa
     assert parse_model(path.read_text(), "report").effects
 
 
+@pytest.mark.costly
 def test_a_model_that_holds_for_long_is_not_too_old_after_it(course, confirmed):
     confirmed.go(90_000)
     assert begin_again(course, 91_000).go(91_010).news != []

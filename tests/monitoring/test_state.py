@@ -32,6 +32,7 @@ def by_name(snapshot):
     return {view.name: view for view in snapshot.messages}
 
 
+@pytest.mark.costly
 def test_rates_ages_and_states_of_a_bus_in_order():
     frames, _ = closed_loop()
     now_us = frames[-1].t_us + 3_000

@@ -27,6 +27,7 @@ def drive(seed, **noise):
     return Block.from_frames(frames)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_as_configured_is_reported_without_a_warning(seed):
     result = check([drive(seed)], CONFIG)

@@ -29,6 +29,7 @@ def broken(tmp_path_factory):
     return log(tmp_path_factory.mktemp("hole") / "hole.log", HOLE_US)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "words",
     [

@@ -34,6 +34,7 @@ def with_load(samples, load):
     return replace(samples, load=np.full(len(samples), load))
 
 
+@pytest.mark.costly
 def test_intervals_of_shared_errors_hold_the_truth():
     """60 drives with errors as instruments have them: 95 % intervals missed it in 3 and 1 of 60.
 

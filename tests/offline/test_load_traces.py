@@ -54,6 +54,7 @@ def test_readings_of_blocks_are_those_of_frames(seed, cuts):
     assert loaded.rejected == receiver.rejected
 
 
+@pytest.mark.costly
 @settings(max_examples=6, derandomize=True)  # a broken stamp costs 50 000 collections
 @given(st.integers(0, 2**32), st.integers(0, 5))
 def test_samples_of_blocks_are_those_of_frames(seed, cuts):

@@ -201,6 +201,7 @@ def test_the_longest_run_is_one_in_which_the_other_column_moves():
     assert longest_run(np.arange(3.0), np.zeros(3)) is None
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("radius_m", "status"), first_quick([(0.33, 1), (0.625, 0), (0.57, 1), (0.605, 0)], 2)
 )

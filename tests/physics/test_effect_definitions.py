@@ -127,6 +127,7 @@ def test_no_pair_of_effects_is_separated_in_two_ways():
     assert len(pairs) == len(set(pairs))
 
 
+@pytest.mark.costly
 def test_what_is_particular_to_an_effect_stands_in_its_definition_alone():
     """No module knows an effect by its id. Roles, labels, words of databases are called so too."""
     package = Path(adhesion_can.__file__).parent

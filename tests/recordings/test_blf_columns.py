@@ -89,6 +89,7 @@ OBJECTS = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.costly
 @settings(max_examples=100)
 @given(
     objects=st.lists(OBJECTS, max_size=40),
@@ -178,6 +179,7 @@ def test_stamps_are_exact_to_the_nanosecond_and_every_kind_is_what_it_is(folder)
     assert bytes(rows.payload[1][:14]) == bytes([*range(13), 0])
 
 
+@pytest.mark.costly
 def test_a_file_cut_at_any_byte_gives_what_is_whole_and_says_so(folder):
     _, content = small()
     whole = items(read(folder, content)[0])

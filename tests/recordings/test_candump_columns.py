@@ -380,6 +380,7 @@ def damaged(rng, content):
     return bytes(content)
 
 
+@pytest.mark.costly
 @settings(max_examples=80, deadline=None)
 @given(
     seed=st.integers(0, 1 << 32), size=st.sampled_from([1, 2, 7, 45, 46, 47, 100, 1000, 1 << 20])
@@ -419,6 +420,7 @@ def test_lines_in_any_order_are_read_as_line_by_line(folder, pieces, joint, size
     assert_same_content(folder, joint.join(pieces), size)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("size", [1, 1000, LINE_LIMIT, 1 << 20])
 @pytest.mark.parametrize("over", [-2, -1, 0, 1, LINE_LIMIT - 1, LINE_LIMIT, LINE_LIMIT + 1])
 def test_lines_about_the_limit_are_read_as_line_by_line(folder, over, size):
@@ -430,6 +432,7 @@ def test_lines_about_the_limit_are_read_as_line_by_line(folder, over, size):
     assert_same(path, max(size, 1000) if over > 1 else size)
 
 
+@pytest.mark.costly
 def test_the_drive_of_the_car_is_read_as_line_by_line():
     folder = real_data()
     if folder is None:
@@ -593,6 +596,7 @@ def test_as_many_names_as_a_file_can_have(folder):
     assert len(blocks[-1].channels) == 700
 
 
+@pytest.mark.costly
 def test_more_names_than_columns_can_tell_are_an_error(folder):
     path = folder / "names.log"
     path.write_text("".join(f"(1.0) n{i} 123#R\n" for i in range(66_000)))
@@ -603,6 +607,7 @@ def test_more_names_than_columns_can_tell_are_an_error(folder):
 # --- hints, threads, memory ----------------------------------------------------------------------
 
 
+@pytest.mark.costly
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 1 << 32), hinted=st.integers(0, 1 << 32))
 def test_hints_change_nothing(seed, hinted):
@@ -712,6 +717,7 @@ def spoiled(rng, packed):
     return packed
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("way", PACK)
 def test_what_is_packed_and_spoiled_is_read_as_far_as_line_by_line(tmp_path, way):
     rng = random.Random(way)

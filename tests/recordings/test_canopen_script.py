@@ -25,6 +25,7 @@ def database(tmp_path_factory):
     return cantools.database.load_file(folder / "drive.dbc")
 
 
+@pytest.mark.costly
 def test_the_objects_that_are_valid_become_messages(database):
     (message,) = database.messages
     assert message.frame_id == 0x185
@@ -37,6 +38,7 @@ def test_the_objects_that_are_valid_become_messages(database):
     }
 
 
+@pytest.mark.costly
 def test_frames_are_decoded(database):
     values = database.decode_message(0x185, bytes.fromhex("e803 feff 00009041"))
     assert values == {

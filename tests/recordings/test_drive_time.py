@@ -205,6 +205,7 @@ def drives(tmp_path_factory):
     return folder
 
 
+@pytest.mark.costly
 def test_no_half_of_a_drive_is_lost(drives, tmp_path, capsys):
     rows = {}
     for name in ("whole", "back"):

@@ -38,6 +38,7 @@ def table_seed():
     return seeds(".mf4")[1]
 
 
+@pytest.mark.costly
 @pytest.mark.timeout(600)
 def test_every_link_of_an_mf4_may_lead_back():
     found = [(name, play(".mf4", data)) for name, data in changed_links(table_seed())]
@@ -135,6 +136,7 @@ def test_a_parquet_file_of_one_number_is_no_table(tmp_path, monkeypatch):
         read_table(path)
 
 
+@pytest.mark.costly
 def test_a_matlab_file_of_zeros_takes_no_gigabyte(tmp_path):
     from scipy.io import savemat
 

@@ -37,6 +37,7 @@ def drive():
     return recording, subject, readings, channels
 
 
+@pytest.mark.costly
 def test_every_line_of_the_drive_is_read(drive):
     recording, _, _, channels = drive
     assert recording.report.kinds == {"frame": 135_468}

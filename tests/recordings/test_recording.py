@@ -226,6 +226,7 @@ def test_position_of_other_formats_grows(tmp_path, monkeypatch, suffix):
     assert 0 < seen[0] < seen[-1] <= recording.position == recording.size
 
 
+@pytest.mark.costly
 def test_mf4_gives_blocks(tmp_path):
     pytest.importorskip("asammdf")
     path = tmp_path / "a.mf4"
@@ -415,6 +416,7 @@ def check_damage(tmp_path, suffix, way, times):
     assert not raised, "only our own errors may come out"
 
 
+@pytest.mark.costly
 @pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
@@ -538,6 +540,7 @@ def test_a_whole_file_holds_what_was_written(tmp_path, name, mode):
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["a.txt", "a.log.gz"])
 @pytest.mark.parametrize("mode", ["w", "wb"])
 @pytest.mark.parametrize("kind", [BrokenError, KeyboardInterrupt, SystemExit])

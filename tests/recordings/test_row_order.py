@@ -41,6 +41,7 @@ def columns(path):
     return table, found | {"segment": table.segment}
 
 
+@pytest.mark.costly
 @given(
     seed=st.integers(0, 999),
     axles=st.integers(1, 3),
@@ -103,6 +104,7 @@ def test_what_was_sorted_is_counted(tmp_path):
     assert not read_table(write(tmp_path / "t.csv", by_axle)).notes
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("command", ["identify", "diagnose", "check"])
 def test_commands_answer_alike_to_the_byte(tmp_path, command):
     rows = rows_of(5, rows=2000, axles=2)

@@ -345,6 +345,7 @@ def test_what_vectors_tools_write_around_the_events_is_no_bad_line(folder):
     assert report.passed_over == report.kinds["other"] == 0
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("suffix", [".asc", ".trc"])
 def test_any_byte_changed_anywhere_gives_what_python_can_gives(folder, suffix):
     text = vector(12) if suffix == ".asc" else peak("2.1", 30)

@@ -55,6 +55,7 @@ def test_few_samples_are_said_to_be_too_few():
     assert "fewer than 30 samples, none compared" in text_of(identify(samples, families=TWO))
 
 
+@pytest.mark.costly
 def test_the_command_prints_table_values_and_verdict(realdata, capsys):
     path = str(realdata / "eurosprinter_points.csv")
     assert main(["identify", path, "--curve", "polach"]) == 0

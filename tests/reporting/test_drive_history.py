@@ -136,6 +136,7 @@ def test_a_cloud_is_bounded_and_holds_rare_slips():
     assert 0.2 in surface.cloud.slip
 
 
+@pytest.mark.costly
 def test_samples_of_few_surfaces_are_kept_and_all_surfaces_are_listed():
     found = drive([0.0, *np.arange(5.0, 305.0, 5.0)], 310.0).surfaces
     assert len(found) == 61

@@ -101,6 +101,7 @@ def equal(found, wanted):
 NAMES = count()
 
 
+@pytest.mark.costly
 @FEW
 @given(known=databases(), seed=st.integers(0, 2**32))
 def test_random_databases_read_back_as_cantools_decodes(tmp_path_factory, known, seed):

@@ -153,6 +153,7 @@ class FiguresOfAFile:
         self.figures = [type("", (), {"data": f["data"]}) for f in self.elements.figures()]
 
 
+@pytest.mark.costly
 def test_a_replay_is_drawn_with_its_faults_and_the_command_that_repeats_it(browser, replayed, log):
     made = FiguresOfAFile(replayed)
     look(browser, replayed, made, audits=(WIDE, NARROW))
@@ -169,6 +170,7 @@ def test_a_replay_is_drawn_with_its_faults_and_the_command_that_repeats_it(brows
     ]
 
 
+@pytest.mark.costly
 def test_a_check_is_drawn_and_shows_the_faulty_frame(browser, log):
     path = log.with_name("check.html")
     assert main(["check", str(log), "--html", str(path)]) == 1
@@ -178,6 +180,7 @@ def test_a_check_is_drawn_and_shows_the_faulty_frame(browser, log):
     assert sum(rejected["y"]) == 1.0  # per second, in spans of a second
 
 
+@pytest.mark.costly
 def test_an_hour_of_drive_is_a_small_page(browser, hour, tmp_path):
     path = tmp_path / "hour.html"
     write_page(hour, path)
@@ -196,6 +199,7 @@ def test_an_hour_of_drive_is_a_small_page(browser, hour, tmp_path):
     assert flat.count("2026-09-21 14:13:20 UTC") == 1
 
 
+@pytest.mark.costly
 def test_the_figures_of_an_hour_hold_its_extremes(hour):
     over_time, over_distance = hour.figures[:2]
     for figure in (over_time, over_distance):
@@ -222,6 +226,7 @@ def test_a_page_is_printed_light_and_within_its_paper(browser, hour, tmp_path):
     assert len(browser.pdf()) > 10_000
 
 
+@pytest.mark.costly
 def test_pictures_are_written_one_a_figure_and_twice_the_same(replayed, hour, tmp_path):
     written = sorted(replayed.parent.glob("r*.svg"))
     assert len(written) == len(FiguresOfAFile(replayed).figures)

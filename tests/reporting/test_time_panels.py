@@ -253,6 +253,7 @@ def dated(tmp_path_factory):
     return path
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("command", ["check", "replay"])
 def test_a_page_draws_every_extreme_of_its_recording_from_time_0(command, dated, tmp_path):
     path = tmp_path / "page.html"

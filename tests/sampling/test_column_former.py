@@ -158,6 +158,7 @@ def assert_same(a, b):
                 )
 
 
+@pytest.mark.costly
 @settings(deadline=None, max_examples=80, derandomize=True,
           suppress_health_check=[HealthCheck.data_too_large])  # fmt: skip
 @given(

@@ -248,6 +248,7 @@ def drive(rng, vehicle, until_us=600_000, *, loads=True, speed=12.0, skip=(), **
 # ---------------------------------------------------------------------------------- the tests
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(
     "faults",

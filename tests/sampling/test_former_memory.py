@@ -18,6 +18,7 @@ CYCLES = {
 W, V, F, N = Role.WHEEL_SPEED, Role.VEHICLE_SPEED, Role.TRACTIVE_EFFORT, Role.AXLE_LOAD
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("when", ["never", "stops"])
 @pytest.mark.parametrize("silent", [W, V, F, (W, 2), (F, 2)], ids=str)
 def test_memory_stays_bounded_when_an_input_is_silent(silent, when):

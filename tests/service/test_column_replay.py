@@ -100,6 +100,7 @@ def simulated(scenario, seconds, seed=1, effects=()):
     return [f for step in Simulation(how, CONFIG.database).run() for f in step]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "scenario",
     [s for s in SCENARIOS if s.name == "polach-sweep" or not s.name.startswith("polach-")],
@@ -112,6 +113,7 @@ def test_all_scenarios_give_the_same_bytes(scenario):
     assert len(sent) > 850
 
 
+@pytest.mark.costly
 def test_an_extended_model_gives_the_same_bytes():
     """With late instruments and effects that need covariates, some of which come late."""
 
@@ -125,6 +127,7 @@ def test_an_extended_model_gives_the_same_bytes():
     assert_same(items, config=replace(CONFIG, model=model), make=None)
 
 
+@pytest.mark.costly
 def test_effects_with_memory_and_steps_give_the_same_bytes():
     """Slip work and sand are remembered across the cuts of the blocks; rain comes and goes."""
     surroundings = Surroundings(
@@ -141,6 +144,7 @@ def test_effects_with_memory_and_steps_give_the_same_bytes():
     assert_same(items, config=replace(CONFIG, model=model), make=None)
 
 
+@pytest.mark.costly
 def test_frames_and_columns_are_the_same_with_laws_of_the_instruments():
     laws = (
         ("load_transfer", "", 1.0), ("effort_gain", "heat", 0.1, 40.0),
@@ -218,6 +222,7 @@ def without_strays(items, report):
         yield suspect
 
 
+@pytest.mark.costly
 @settings(max_examples=10, derandomize=True)
 @given(st.integers(0, 2**32), st.integers(0, 8))
 def test_spoiled_drives_give_the_same_bytes(seed, cuts):

@@ -61,10 +61,12 @@ class Noted:
         self.sent = play(self.core, frames)
 
 
+@pytest.mark.costly
 def test_without_a_change_it_is_the_core():
     assert play(CorrectingCore(CONFIG), ahead=True) == play(ServiceCore(CONFIG))
 
 
+@pytest.mark.costly
 def test_a_model_takes_over_after_its_time_and_stays():
     model = model_of(-0.01)
     noted = Noted((3.0, model))
@@ -77,6 +79,7 @@ def test_a_model_takes_over_after_its_time_and_stays():
     assert noted.sent != play(ServiceCore(CONFIG))
 
 
+@pytest.mark.costly
 @settings(max_examples=2, deadline=None)
 @given(
     st.lists(
@@ -100,6 +103,7 @@ def test_the_same_changes_give_the_same_bytes_however_it_is_driven(changes):
     assert sent == reference
 
 
+@pytest.mark.costly
 def test_the_plain_estimator_comes_back_at_once_and_vouches_for_nothing():
     noted = Noted((4.0, None), configuration=replace(CONFIG, model=model_of(-0.01)))
     assert noted.taken == [(4.0, None)]
@@ -109,6 +113,7 @@ def test_the_plain_estimator_comes_back_at_once_and_vouches_for_nothing():
     assert noted.core.model is None
 
 
+@pytest.mark.costly
 def test_a_known_model_waits_until_the_drive_does_not_feel_it():
     """A model that moves the peak by many standard deviations does not replace a known one."""
     far = model_of(0.05, variance=1e-10)
@@ -172,6 +177,7 @@ def test_a_model_that_needs_what_is_not_there_is_refused():
     assert isinstance(core.feed(Frame(0, 0x7FF, b"")), list)
 
 
+@pytest.mark.costly
 def test_a_model_that_is_in_use_is_not_begun_again():
     model = model_of(-0.01)
     config = replace(CONFIG, model=model)
@@ -180,6 +186,7 @@ def test_a_model_that_is_in_use_is_not_begun_again():
     assert noted.sent == play(ServiceCore(config))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("model", [None, model_of(-0.01)])
 def test_fault_is_held_for_its_whole_time_whichever_model_is_in_use(model):
     """A second sender, 0.2 s before a change and after it; the drive would be in TRACKING."""
@@ -202,6 +209,7 @@ def test_fault_is_held_for_its_whole_time_whichever_model_is_in_use(model):
         assert Status.FAULT not in later
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "changes", [[(3.0, model_of(-0.01))], [(0.5, model_of(-0.01)), (3.0, None)]]
 )

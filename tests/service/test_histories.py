@@ -20,6 +20,7 @@ LARGEST = [(name, kind.sizes[-1]) for name, kind in KINDS.items()]
 SMALLEST = [(name, kind.sizes[0]) for name, kind in KINDS.items() if len(kind.sizes) > 1]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("name", "size"), first_quick(LARGEST + SMALLEST, len(LARGEST)))
 def test_each_fault_alone(name, size):
     kind = KINDS[name]
@@ -36,6 +37,7 @@ BLINDED = [
 ]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("target", "size"), BLINDED)
 def test_never_tracking_while_blind(target, size):
     """All sensors of a quantity stand at an end of their range, in valid frames, for 4 s."""
@@ -72,6 +74,7 @@ def test_time_passes_in_the_shortest_sleep():
     assert bus.now_us == START_US + 1
 
 
+@pytest.mark.costly
 def test_a_first_frame_with_an_early_stamp_ends_the_silence():
     """The bus is away, its clock is set back: the first frame is stamped 50 ms before it came."""
     faults = (
@@ -81,6 +84,7 @@ def test_a_first_frame_with_an_early_stamp_ends_the_silence():
     assert judge(1070, 15 * S, faults) == []
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("target", KINDS["frozen"].targets)
 def test_a_frozen_message_is_stale_and_told(target):
     """It was lively for long enough that everybody can tell, the checker too."""
@@ -92,6 +96,7 @@ def test_a_frozen_message_is_stale_and_told(target):
     assert len([line for line in record.notices if "is no longer stuck" in line]) == len(told)
 
 
+@pytest.mark.costly
 def test_the_checker_sees_a_frozen_message_that_is_taken_for_a_measurement(monkeypatch):
     config = load_configuration()
     choices = tuple(replace(choice, stuck_check=False) for choice in config.choices)

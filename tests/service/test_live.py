@@ -116,6 +116,7 @@ def assert_replayed(sent, logged, overdue):
     assert all(frame in left for frame in kept)  # a search in an iterator goes on where it ended
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("stall_at", [None, 0.8])
 def test_live_and_the_replay_of_its_log_are_byte_identical(stall_at):
     """Also where the sender stalls, so that the loop has to advance by its own clock."""

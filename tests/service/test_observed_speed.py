@@ -96,6 +96,7 @@ def test_each_axle_needs_wheel_speed_and_effort(tmp_path, role):
         ServiceCore(load_configuration(path))
 
 
+@pytest.mark.costly
 def test_without_the_role_nothing_is_stale_and_no_relief_is_an_objection(played):
     setpoints, *_ = played
     statuses = {outputs.status for _, outputs in setpoints}
@@ -114,6 +115,7 @@ def test_without_the_switch_the_same_frames_are_stale(drive):
     assert not core.outputs.speed_observed
 
 
+@pytest.mark.costly
 def test_behind_reliefs_the_slips_are_known_and_right(played, drive):
     setpoints, samples, core = played
     known = [
@@ -171,6 +173,7 @@ def test_the_speed_in_the_outputs_is_the_observed_one(played):
     assert known[0].speed == pytest.approx(10.4, abs=0.3)
 
 
+@pytest.mark.costly
 def test_frames_and_columns_give_the_same_bytes(observing, drive):
     core, sent = assert_same(drive[0][:6000], config=observing, make=None, cuts=9)
     assert core.counts.samples > 3000
@@ -207,6 +210,7 @@ def test_spoiled_drives_give_the_same_bytes(observing, seed):
     assert_same(spoiled(seed), config=observing, make=None, cuts=5)
 
 
+@pytest.mark.costly
 def test_work_ahead_changes_nothing(observing, drive):
     items, rng, done = drive[0][:3500], np.random.default_rng(5), []
 

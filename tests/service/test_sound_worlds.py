@@ -13,6 +13,7 @@ from tests.worlds.plant import drive
 from tests.worlds.world import World
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick([6, *range(1, 6), *range(7, 13)]))
 def test_sound_readings_raise_no_objection(seed, tmp_path):
     """Seed 6 coasts at 5 m/s after a light train was pulled hard."""

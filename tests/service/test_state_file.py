@@ -143,6 +143,7 @@ def test_a_second_service_on_one_state_is_refused(tmp_path, capsys):
     assert main([*WORDS, str(path)]) == 1
 
 
+@pytest.mark.costly
 def test_two_services_and_a_third_after_the_first_was_killed(tmp_path):
     path = tmp_path / "state"
     first = Terminal(f"adhesion-can run -i virtual -c first --state {path}", tmp_path, "first")

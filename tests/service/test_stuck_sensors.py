@@ -56,6 +56,7 @@ def frozen(frames, places):
         yield Frame(frame.t_us, frame.arbitration_id, payload, frame.channel)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("scenario", "what"), first_quick([*(("dry", what) for what in FROZEN), ("wet", "speed")], 3)
 )
@@ -80,6 +81,7 @@ def test_a_frozen_sensor_makes_no_confident_setpoint_wrong(what, scenario, tmp_p
     assert (table["status"][after] == "TRACKING").mean() > 0.9
 
 
+@pytest.mark.costly
 def test_the_check_of_a_recording_tells_a_stuck_signal(tmp_path):
     _, frames = drive("dry", 1, tmp_path)
     path = tmp_path / "frozen.log"
@@ -93,6 +95,7 @@ def test_the_check_of_a_recording_tells_a_stuck_signal(tmp_path):
     assert f"{readings} readings" in told
 
 
+@pytest.mark.costly
 def test_wheels_that_stand_still_while_the_vehicle_moves_cause_no_failure():
     """A warning of numpy's, an error in these tests, would be a failure of the estimator."""
     core = ServiceCore(load_configuration())

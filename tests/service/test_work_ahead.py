@@ -55,6 +55,7 @@ def run_both(items, make, seed=0, share=0.5):
     return done
 
 
+@pytest.mark.costly
 @settings(max_examples=5, derandomize=True, deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from([0.1, 0.5, 0.95]))
 def test_spoiled_drives_give_the_same_frames(seed, share):
@@ -63,6 +64,7 @@ def test_spoiled_drives_give_the_same_frames(seed, share):
     run_both(items, SummingEstimator, seed, share)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["tracker", "rls", "ekf", "bank", "window"])
 def test_every_estimator_gives_the_same_frames(name):
     items = simulated(SCENARIOS[2], 4.0)
@@ -70,6 +72,7 @@ def test_every_estimator_gives_the_same_frames(name):
     assert len(done) > 100
 
 
+@pytest.mark.costly
 def test_the_default_estimator_gives_the_same_frames():
     assert len(run_both(simulated(SCENARIOS[3], 6.0), None, share=0.9)) > 100
 

@@ -34,6 +34,7 @@ def run(drive, plant, theta, seconds, watch=lambda _: None):
         watch(t)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("share", [0.3, 1.0])
 @pytest.mark.parametrize("speed", [3.0, 25.0])
 @SURFACES

@@ -232,6 +232,7 @@ def test_effects_together_multiply_in_the_force():
 # --------------------------------------------------------------------------------- stability
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("speed", [1.5, 12.0])
 @pytest.mark.parametrize(
     "effect",

@@ -49,6 +49,7 @@ def curvature(values, name):
     return column(values, "Curvature")[np.maximum(at, 0)] / 1e3
 
 
+@pytest.mark.costly
 def test_gains_of_the_effort(plain):
     true = {name: column(plain[0], name) for name in EFFORTS}
     found, _ = signals(active("effort_gain", 0.1, 2.0, form="axle"))
@@ -141,6 +142,7 @@ def test_loads_as_read_stay_where_true_ones_move():
         assert column(found, f"AxleLoad_Ax{axle}") == pytest.approx(LOAD, abs=10.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "effect",
     [

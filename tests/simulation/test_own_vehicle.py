@@ -96,6 +96,7 @@ def test_noise_is_in_proportion_to_the_static_load(tmp_path):
     assert stated.sensors.effort_std == 300.0
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("scenario", ["dry", "sweep"])
 @pytest.mark.parametrize("ranges", [
     {}, {"kmh": "[0|50]"}, {"rpm": "[0|500]"}, {"kN": "[-20|20]"},
@@ -145,6 +146,7 @@ def test_a_limit_that_nobody_wrote_is_called_a_default():
     assert note.endswith("up to 90 km/h, by speed_max (default of [limits])")
 
 
+@pytest.mark.costly
 def test_an_effort_without_a_sign_is_never_below_0(tmp_path):
     config = load_configuration(own(tmp_path, kN="[0|60]", mass=380e3))
     drive = simulate("sweep", 20.0, configuration=config)

@@ -69,6 +69,7 @@ def test_a_closed_loop_holds_the_setpoint_on_such_a_contact():
     np.testing.assert_allclose(creep, 0.25, rtol=0.05)
 
 
+@pytest.mark.costly
 def test_the_curve_is_identified_from_the_frames_of_such_a_run(tmp_path):
     """Burckhardt does not hold on it; the peak of Polach's form is the true one."""
     drive = adhesion_can.simulate("polach-dry", 8.0, seed=3)

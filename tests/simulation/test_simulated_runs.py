@@ -71,6 +71,7 @@ def beyond_peak(surface):
     return 1.2 * surface.lambda_m
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", NAMES)
 def test_every_scenario_runs_for_its_duration_and_shows_the_whole_curve(name):
     scenario = scenario_by_name(name)
@@ -106,6 +107,7 @@ def test_a_run_of_ten_minutes_stays_in_the_range_of_a_heavy_haul(name):
     assert max(speeds) < 34.0
 
 
+@pytest.mark.costly
 def test_a_sweep_that_brakes_the_train_to_a_stand_does_not_blow_up():
     # Where the sweep scenario comes to of itself after some 520 s.
     slow = replace(scenario_by_name("sweep"), speed=1.5)
@@ -275,6 +277,7 @@ def test_batch_fit_of_a_run_with_noise_finds_the_true_peak(transfer):
     assert e.lambda_m == pytest.approx(true.lambda_m, rel=0.1)
 
 
+@pytest.mark.costly
 def test_batch_fit_finds_the_stretches_of_a_changing_rail():
     samples, simulation = run_samples("dry-wet-greasy-dry", 40.0)
     result = identify(samples)

@@ -48,6 +48,7 @@ def test_computed_contacts_are_not_burckhardts_and_their_peak_is_found(realdata,
     assert near >= 0.75 * seeds
 
 
+@pytest.mark.costly
 def test_points_of_the_eurosprinter(realdata):
     """Falling friction, a reduced initial slope, a peak near 0.31 between 1.5 and 3 % of slip."""
     result = adhesion_can.identify(realdata / "eurosprinter_points.csv", curve="all")

@@ -28,6 +28,7 @@ def run(samples):
     return found
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("law", first_quick([polach(), burckhardt(c4=0.15)]), ids=["polach", "c4"])
 def test_setpoints_are_those_of_the_family(law):
     """From 30 s on, two drives: identifiable in 80 %, within 2 and 10 % of the truth."""
@@ -50,6 +51,7 @@ def test_setpoints_are_those_of_the_family(law):
     assert known / 2 > 0.8
 
 
+@pytest.mark.costly
 def test_after_a_change_of_the_rail_the_old_curve_is_not_sent():
     """Polach's curve for 30 s, then a wet one: from 2 s on the stated interval has the new peak.
 
@@ -76,6 +78,7 @@ def test_burckhardts_rail_needs_no_other_family():
             assert estimate.doubt is Doubt.NONE
 
 
+@pytest.mark.costly
 def test_a_dip_beyond_the_peak_leaves_its_place_unknown():
     """No family has two humps: after a minute λ_m is as uncertain as the families are; two drives.
 

@@ -39,6 +39,7 @@ def doubting(
     return DoubtingTracker(Tracker(), AXLES, settings, instruments)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", range(3))
 def test_without_an_error_there_is_no_doubt_and_nothing_is_lost(seed: int) -> None:
     samples = make_samples(np.random.default_rng(seed), 45.0)
@@ -51,6 +52,7 @@ def test_without_an_error_there_is_no_doubt_and_nothing_is_lost(seed: int) -> No
     assert np.mean(error, axis=0)[1] <= 1.05 * np.mean(error, axis=0)[0]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("hidden", "doubts"),
     [
@@ -71,6 +73,7 @@ def test_a_hidden_error_is_doubted_and_no_wrong_peak_is_certain(
         assert np.mean([is_wrong(e) for e in late]) < 0.05
 
 
+@pytest.mark.costly
 def test_errors_that_last_are_no_changes_of_the_surface() -> None:
     """An autoregression of 1 s: the tracker alone declares changes, doubting itself hardly any."""
     alone = together = 0
@@ -84,6 +87,7 @@ def test_errors_that_last_are_no_changes_of_the_surface() -> None:
     assert alone >= 3
 
 
+@pytest.mark.costly
 def test_standard_deviations_hold_errors_that_last() -> None:
     """Of 16 drives of 8 to 16 s, 2 % of the errors of μ_max exceed two standard deviations.
 
@@ -134,6 +138,7 @@ def test_until_the_first_comparison_the_place_of_the_peak_is_as_uncertain_as_its
     assert sure[-1].lambda_m_std < 0.5 * shape * sure[-1].lambda_m
 
 
+@pytest.mark.costly
 def test_the_same_samples_give_the_same_bytes() -> None:
     samples = make_samples(np.random.default_rng(3), 20.0, speed_scale=0.01)
     one, other = run(doubting(), samples)[-1], run(doubting(), samples)[-1]
@@ -196,6 +201,7 @@ def kinds_copied(item: object, known: dict[int, object]) -> set[type]:
     return set().union(*(kinds_copied(part, known) for part in parts))
 
 
+@pytest.mark.costly
 def test_an_update_on_a_copy_is_the_update_where_families_know_the_peak() -> None:
     """The service updates a copy, ahead of the due time; a replay updates the estimator itself."""
     samples = make_law_samples(polach(), np.random.default_rng(1), 40.0)
@@ -210,6 +216,7 @@ def test_an_update_on_a_copy_is_the_update_where_families_know_the_peak() -> Non
     assert kinds_copied(copied, {}) == {np.ndarray}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("level", [0.0, -1e-9, -1.34])
 def test_efforts_that_read_one_value_leave_an_estimate(level: float) -> None:
     """All efforts at 0 or at an end of their range: a flat curve has no peak to take shares of."""

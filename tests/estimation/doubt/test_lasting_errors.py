@@ -24,6 +24,7 @@ def estimate(seed: int, lasting_s: float, seconds: float = 120.0):
     return estimate_lasting_errors(reduced, reduced.current)
 
 
+@pytest.mark.costly
 def test_independent_errors_are_not_inflated() -> None:
     found = [estimate(seed, 0.0).inflation for seed in range(20)]
     assert np.median(found) < 2.5

@@ -54,11 +54,13 @@ def test_intervals_hold_beside_errors_of_the_speed_that_last(std, memory_s):
     assert held >= 0.93
 
 
+@pytest.mark.costly
 def test_intervals_hold_in_a_few_drives():
     held, _ = coverage(0.002, 10.0, range(3), seconds=90.0)
     assert held >= 0.93
 
 
+@pytest.mark.costly
 def test_without_such_errors_nothing_is_lost():
     held, tracked = coverage(0.0, 10.0, range(2), seconds=60.0)
     assert held == 1.0

@@ -37,6 +37,7 @@ def reduced(seconds: float, block_s: float, **hidden: float):
     return series.reduced(fit_blocks(series.blocks, THETA))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("lasting_s", [0.0, 0.3])
 def test_p_values_of_nothing_are_at_most_as_small_as_they_say(lasting_s: float) -> None:
     """25 drives of 60 s, 23 coefficients: at most 1 % of the p-values below 0.01, counted with
@@ -105,6 +106,7 @@ def test_sizes_and_their_t_are_those_of_the_rows_themselves() -> None:
         assert found.p_value[k] == pytest.approx(2 * stats.t.sf(abs(t), freedom), rel=1e-4)
 
 
+@pytest.mark.costly
 def test_nothing_is_selected_where_nothing_is_hidden() -> None:
     for seed in range(20):
         blocks = reduced(40.0, 0.5, seed=seed)

@@ -156,6 +156,7 @@ def monitors():
     return [driven(wandering(1), std)[0]._monitor for std in (0.0, STD)]
 
 
+@pytest.mark.costly
 def test_the_tracker_is_told_of_what_the_wander_does_to_the_level(monitors):
     plain, wanders = monitors
     assert plain.inflation == plain.assessment.lasting.beyond_chance
@@ -163,6 +164,7 @@ def test_the_tracker_is_told_of_what_the_wander_does_to_the_level(monitors):
     assert wanders.assessment.lasting.beyond_chance < plain.inflation < wanders.inflation
 
 
+@pytest.mark.costly
 def test_the_error_of_the_level_is_the_distance_from_the_curve_of_all_samples(monitors):
     plain, wanders = monitors
     assert plain.level_error(MU_MAX) == 0.0
@@ -172,6 +174,7 @@ def test_the_error_of_the_level_is_the_distance_from_the_curve_of_all_samples(mo
     assert wanders.level_error(0.9 * peak_of_all.mu_max) == pytest.approx(1 / 9, rel=0.01)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", first_quick(range(20)))
 def test_a_stated_wander_is_no_doubt_and_no_change_and_the_peak_is_known_better(seed):
     """Else the same errors inflate all variances. In 20 drives each of this holds in all."""

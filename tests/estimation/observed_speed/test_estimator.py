@@ -178,6 +178,7 @@ def test_samples_have_the_observed_speed_and_their_slips_are_right(known):
     assert len(np.unique(10 * samples.t_us + samples.axle)) == len(samples)
 
 
+@pytest.mark.costly
 def test_an_old_relief_leaves_the_estimate_as_it_was(known):
     drive = deepcopy(known[0])
     before = len(drive.estimator.inner.parts)

@@ -55,6 +55,7 @@ def test_a_drive_does_not_depend_on_its_neighbours():
     assert np.allclose(alone.slip[0], beside.slip[1])
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "driving",
     [Driving(), Driving(sweeps=True), Driving(accelerometer=True)],
@@ -65,6 +66,7 @@ def test_without_an_absolute_speed_the_slip_is_never_known(driving):
     assert not known.any()
 
 
+@pytest.mark.costly
 def test_the_covariance_stays_positive():
     driving = Driving(reliefs=True, sweeps=True, gnss_std=0.03, accelerometer=True)
     observer, *_ = drives(driving, range(201, 204), (5.0, 20.0), 30.0)
