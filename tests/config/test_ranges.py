@@ -35,8 +35,8 @@ CLASSES = {
 NEEDED = {ROLE: 'signal = "WheelSpeeds1.WheelSpeed_Ax1"\n', "table.slip": 'column = "kappa"\n'}
 """Keys that a section must have beside the one that is looked at."""
 BESIDE = {
-    ("run_length", "contenders", "lowest"): "dense = 1\n",
-    ("run_length", "dense", "highest"): "contenders = 1000\n",
+    ("run_length", "hypotheses", "lowest"): "dense = 1\n",
+    ("run_length", "dense", "highest"): "hypotheses = 1000\n",
     ("evolution", "upper", "lowest"): "lower = [0, 0, 0]\n",
     ("evolution", "theta0", "lowest"): "lower = [0, 0, 0]\n",
     ("evolution", "theta0", "highest"): "upper = [10, 1e5, 1000]\n",

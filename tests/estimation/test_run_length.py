@@ -41,7 +41,7 @@ def evidence(sums, cost):
     return Evidence(np.stack([sums, sums]), np.full(2, cost))
 
 
-def contenders(**chosen):
+def hypotheses(**chosen):
     return RunLengthHypotheses(RunLengthSettings(**chosen), Prior(PriorSettings()))
 
 
@@ -71,7 +71,7 @@ def declared(estimates):
 @pytest.mark.parametrize(("factor", "is_declared"), [(1e8, False), (3e9, True)])
 def test_a_change_needs_a_bayes_factor_of_a_billion(factor, is_declared):
     """It is declared from a probability of 1/2; before the data an update has 1e-9."""
-    assert (contenders().probability(np.log([factor])) >= 0.5) == is_declared
+    assert (hypotheses().probability(np.log([factor])) >= 0.5) == is_declared
 
 
 @FIXED
@@ -82,7 +82,7 @@ def test_factor_is_that_of_the_written_out_densities(seed, n, sd):
     z = adhesion(h, *GREASY) + sd * rng.standard_normal(n)
     r = z - adhesion(h, *DRY)
     prior = Prior(PriorSettings())
-    ours = contenders()
+    ours = hypotheses()
     ours.add(evidence(sums_of(h, z), float(r @ r)), 0)
     weights = np.exp(prior.log_marginal(1, X_NODES)) * np.abs(np.gradient(X_NODES))
     weights /= weights.sum()
@@ -118,7 +118,7 @@ def test_a_change_needs_the_slips_as_measured_and_the_corrected_ones(seed):
     (same, same_cost), (other, other_cost) = kinds
 
     def factor(sums, costs):
-        ours = contenders()
+        ours = hypotheses()
         ours.add(Evidence(np.stack(sums), np.array(costs)), 0)
         return ours.log_factors(1e-4)[0]
 
@@ -131,9 +131,9 @@ def test_a_change_needs_the_slips_as_measured_and_the_corrected_ones(seed):
         assert factor(sums, costs) <= none + 1e-9
 
 
-def test_a_contender_has_the_samples_since_its_change():
+def test_a_hypothesis_has_the_samples_since_its_change():
     rng = np.random.default_rng(1)
-    ours, added = contenders(), []
+    ours, added = hypotheses(), []
     for k in range(4):
         h = rng.uniform(0, 0.2, 5)
         added.append(sums_of(h, adhesion(h, *DRY)))
@@ -145,7 +145,7 @@ def test_a_contender_has_the_samples_since_its_change():
 
 def test_noise_freedom_bounds_how_sure_of_the_noise_a_comparison_is():
     h = np.linspace(0.01, 0.2, 12)
-    ours = contenders(noise_freedom=100.0)
+    ours = hypotheses(noise_freedom=100.0)
     ours.add(evidence(sums_of(h, adhesion(h, *GREASY)), 0.5), 0)
     assert ours.log_factors(1e-4, 1e6)[0] == ours.log_factors(1e-4, 100.0)[0]
     assert ours.log_factors(1e-4, 20.0)[0] < ours.log_factors(1e-4, 100.0)[0]
@@ -153,7 +153,7 @@ def test_noise_freedom_bounds_how_sure_of_the_noise_a_comparison_is():
 
 
 def test_probability_is_that_of_the_odds():
-    ours = contenders(false_alarm=1e-9)
+    ours = hypotheses(false_alarm=1e-9)
     assert ours.probability(np.array([])) == 0.0
     assert ours.probability(np.array([np.log(1e9)])) == pytest.approx(0.5, abs=1e-6)
     assert ours.probability(np.full(10, np.log(1e8))) == pytest.approx(0.5, abs=1e-6)
@@ -162,14 +162,14 @@ def test_probability_is_that_of_the_odds():
 
 
 def exceedances(runs, updates, level, sd):
-    """Share of runs on a constant rail in which a contender's factor ever passes `level`.
+    """Share of runs on a constant rail in which a hypothesis' factor ever passes `level`.
 
-    A contender that began with the first update is followed, its rail and noise being known.
+    A hypothesis that began with the first update is followed, its rail and noise being known.
     """
     count = 0
     for seed in range(runs):
         rng = np.random.default_rng(seed)
-        ours = contenders(contenders=updates, dense=1)
+        ours = hypotheses(hypotheses=updates, dense=1)
         for k in range(updates):
             h = rng.uniform(0, 0.2, 4)
             r = sd * rng.standard_normal(4)
@@ -192,7 +192,7 @@ def test_evidence_for_another_rail_grows_and_against_it_too():
     rng = np.random.default_rng(1)
     told = []
     for rail in (GREASY, DRY):
-        ours = contenders()
+        ours = hypotheses()
         for k in range(4):
             h = rng.uniform(0, 0.2, SIZE)
             z = adhesion(h, *rail) + 0.01 * rng.standard_normal(SIZE)
@@ -209,7 +209,7 @@ def test_evidence_for_another_rail_grows_and_against_it_too():
 @given(st.integers(2, 12), st.integers(1, 12), st.integers(1, 400))
 def test_number_stays_and_the_latest_are_all_kept(number, dense, updates):
     dense = min(dense, number - 1)
-    ours = contenders(contenders=number, dense=dense)
+    ours = hypotheses(hypotheses=number, dense=dense)
     for k in range(updates):
         ours.add(evidence(np.zeros(LENGTH), 0.0), k)
         assert len(ours) == min(k + 1, number) == len(ours.sums) == len(ours.since_us)
@@ -220,7 +220,7 @@ def test_number_stays_and_the_latest_are_all_kept(number, dense, updates):
 
 
 def test_ages_are_spread_evenly_for_ever():
-    ours = contenders()
+    ours = hypotheses()
     reach = []
     for k in range(5000):
         ours.add(evidence(np.zeros(LENGTH), 0.0), k)
@@ -233,11 +233,11 @@ def test_ages_are_spread_evenly_for_ever():
     assert max(reach) < 5000
 
 
-def test_close_makes_a_contender_of_what_comes_next():
+def test_close_makes_a_hypothesis_of_what_comes_next():
     rng = np.random.default_rng(1)
     h = rng.uniform(0, 0.2, 5)
     sums = sums_of(h, adhesion(h, *DRY))
-    ours = contenders()
+    ours = hypotheses()
     ours.add(evidence(sums, 1.0), 10)
     ours.close(0, evidence(sums, 1.0), 0.01)
     assert len(ours) == 2

@@ -78,7 +78,7 @@ def arithmetic_us(settings):
     curves = len(settings.memory.times_s) * settings.curves
     sums, at_x = numbers.random((6, NODES)), numbers.random((NODES, curves))
     both, one = numbers.random((2, curves)), numbers.random(curves)
-    terms = numbers.random((4, settings.run_length.contenders, NODES))
+    terms = numbers.random((4, settings.run_length.hypotheses, NODES))
     samples = numbers.random((7, NODES))
 
     def run():

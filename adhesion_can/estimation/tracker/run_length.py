@@ -84,8 +84,8 @@ class RunLengthHypotheses(Stateful):
         self._count = 0
         self._updates = 0
         # Of both kinds, as in `Evidence`.
-        self._sums: Array = np.zeros((2, self._settings.contenders, LENGTH))
-        self._old_cost: Array = np.zeros((2, self._settings.contenders))
+        self._sums: Array = np.zeros((2, self._settings.hypotheses, LENGTH))
+        self._old_cost: Array = np.zeros((2, self._settings.hypotheses))
         self._since_us: list[int] = []
         self._born: list[int] = []
 
@@ -152,7 +152,7 @@ class RunLengthHypotheses(Stateful):
         It is the one whose neighbours in age are relatively closest, so that the ages grow
         geometrically. Where they are far apart already, the eldest is removed.
         """
-        if self._count < self._settings.contenders:
+        if self._count < self._settings.hypotheses:
             self._count += 1
             self._since_us.append(0)
             self._born.append(0)

@@ -20,9 +20,9 @@ class RunLengthSettings(Value):
     Attributes:
         false_alarm: Prior probability of a change per update; it bounds the rate of false
             alarms. Larger: changes are detected earlier, with more false alarms.
-        contenders: Number of hypotheses of a change that are kept. Larger: finer dating of changes,
+        hypotheses: Number of hypotheses of a change that are kept. Larger: finer dating of changes,
             more CPU.
-        dense: Number of the latest hypotheses that are all kept, fewer than `contenders`.
+        dense: Number of the latest hypotheses that are all kept, fewer than `hypotheses`.
         noise_freedom: Largest weight of the noise estimate in a comparison, samples. Larger: the
             noise is trusted more, so that its increase may look like a change.
         settling_samples: Number of samples after a change within which its time may be revised.
@@ -30,15 +30,15 @@ class RunLengthSettings(Value):
     """
 
     false_alarm: Annotated[float, Within(1e-100, 0.5)] = 1e-9
-    contenders: Annotated[int, Within(2, 1000)] = 9
+    hypotheses: Annotated[int, Within(2, 1000)] = 9
     dense: Annotated[int, Within(1, 999)] = 3
     noise_freedom: Annotated[float, Within(1e-3, 1e9)] = 100.0
     settling_samples: Annotated[int, Within(0, 100000)] = 240
 
     def __post_init__(self) -> None:
         require_ranges(self)
-        if not self.dense < self.contenders:
-            raise ValueError("dense must be below contenders")
+        if not self.dense < self.hypotheses:
+            raise ValueError("dense must be below hypotheses")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
