@@ -5,103 +5,86 @@ compiled code then ends the process that reads, and the command gives one line. 
 a file may cost; it is no sandbox.
 """
 
-import contextlib
-import faulthandler
+import atexit
 import os
 import pickle
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
-from math import ceil
-from pathlib import Path
-from typing import IO, Any, NoReturn, Self, TypeVar
+from typing import IO, Any, NoReturn, Protocol, TypeVar
 
-from adhesion_can.errors import AdhesionCanError, InputError
+from adhesion_can.errors import AdhesionCanError
+from adhesion_can.recordings.limited_work import (
+    FAILED,
+    ITEM,
+    REFUSED,
+    Job,
+    Limits,
+    do_job,
+    import_library,
+)
 
 T = TypeVar("T")
-
-_ITEM, _END, _REFUSED, _FAILED = range(4)
-_MIB = 1 << 20
 
 
 class LimitError(AdhesionCanError):
     """What was read takes more than the limits allow, or its reader did not survive it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """What a reader may take.
-
-    Attributes:
-        processor_s: Time of the processor, s.
-        memory: Address space beyond what the process has at its start, bytes.
-        disk: Size of a temporary file, bytes.
-
-    """
-
-    processor_s: int
-    memory: int
-    disk: int
-
-    @classmethod
-    def of_file(cls, size: int) -> Self:
-        """Limits for a file, some times what honest ones of that size take.
-
-        The slowest honest ones have hundreds of channels in packed blocks, each of which asammdf
-        unpacks once for every channel: about 30 s a MiB.
-
-        Args:
-            size: Size of the file, bytes.
-
-        """
-        return cls(5 + 50 * size // _MIB, 400 * _MIB + 40 * size, 400 * _MIB + 40 * size)
-
-
-def read_limited(work: Callable[[], Iterable[T]], limits: Limits) -> Generator[T, None, None]:
+def read_limited(
+    work: Callable[[], Iterable[T]], limits: Limits, library: str = ""
+) -> Generator[T, None, None]:
     """Items that work gives, made by another process.
 
-    A copy of this process does the work where that is safe, on Linux as long as it has one thread:
-    the copy has all modules. Elsewhere a new one starts, which takes a second, and does without
-    limits on what the system does not count.
+    On Linux it is a copy: of this process while it has one thread, so that the copy has all
+    modules, else of one that starts with the first work, in two seconds. Elsewhere a new process
+    starts for each work, without limits on what the system does not count.
 
     Args:
         work: Function that can be pickled; so can its items.
         limits: Limits of the process.
+        library: Module that the work needs and that takes long to import; "" is none.
 
     Raises:
         InputError: As the work raises it.
         LimitError: The work takes more than the limits allow, or failed in another way.
 
     """
-    is_copy = sys.platform == "linux" and threading.active_count() == 1
     # What a reader that was stopped leaves behind goes with the folder.
     with tempfile.TemporaryDirectory(prefix="adhesion-can-") as folder:
-        reader = _Copy() if is_copy else _New()
+        process = _start(Job(work, limits, library, folder))
         try:
-            reader.start(work, limits, folder)
-            yield from _received(reader, limits)
+            yield from _received(process, limits)
         finally:
-            reader.stop()
+            process.stop()
 
 
-def _received(reader: "_Copy | _New", limits: Limits) -> Iterator[Any]:
+def _start(job: Job) -> "_Process":
+    """Process that does a job."""
+    if sys.platform != "linux":
+        return _New(job)
+    if threading.active_count() == 1:
+        return _Copy(job)
+    return _Template.of_this_process().copy(job)
+
+
+def _received(process: "_Process", limits: Limits) -> Iterator[Any]:
     while True:
         try:
-            kind, value = pickle.load(reader.pipe)  # noqa: S301  of our own process
+            kind, value = pickle.load(process.pipe)  # noqa: S301  of our own process
         except (EOFError, pickle.UnpicklingError):
-            raise LimitError(_reason(reader.wait(), limits)) from None
-        if kind == _ITEM:
+            raise LimitError(_reason(process.wait(), limits)) from None
+        if kind == ITEM:
             yield value
-        elif kind == _REFUSED:
+        elif kind == REFUSED:
             error, *parts = value
             raise error(*parts)
-        elif kind == _FAILED:
+        elif kind == FAILED:
             raise LimitError(value)
         else:
             return
@@ -115,18 +98,40 @@ def _reason(status: int, limits: Limits) -> str:
     return f"its reader ended early ({name or f'status {status}'})"
 
 
-class _Copy:
-    """A copy of this process."""
+class _Process(Protocol):
+    """A process that does a job.
 
-    def start(self, work: Callable[[], Iterable[Any]], limits: Limits, folder: str) -> None:
-        """Start the work."""
+    Attributes:
+        pipe: What it answers.
+
+    """
+
+    pipe: IO[bytes]
+
+    def wait(self) -> int:
+        """Wait for the end of the process; its exit status."""
+
+    def stop(self) -> None:
+        """End the process."""
+
+
+class _Copy:
+    """A copy of this process.
+
+    Args:
+        job: What it does.
+
+    """
+
+    def __init__(self, job: Job) -> None:
+        import_library(job.library)
         ours, theirs = os.pipe()
         with warnings.catch_warnings():
             # Python 3.12 counts threads of libraries too, which sleep and hold no lock.
             warnings.simplefilter("ignore", DeprecationWarning)
             self._process = os.fork()
         if not self._process:
-            _do_as_copy(theirs, ours, work, limits, folder)
+            _do_as_copy(theirs, ours, job)
         os.close(theirs)
         self.pipe: IO[bytes] = os.fdopen(ours, "rb")
         self._status: int | None = None
@@ -146,31 +151,133 @@ class _Copy:
             self.wait()
 
 
-def _do_as_copy(
-    pipe: int, other_end: int, work: Callable[[], Iterable[Any]], limits: Limits, folder: str
-) -> NoReturn:
+def _do_as_copy(pipe: int, other_end: int, job: Job) -> NoReturn:
     """What the copy does: nothing that this process has begun is ended by it."""
     try:
         os.close(other_end)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for it stops it
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        _serve(os.fdopen(pipe, "wb"), work, limits, folder)
+        do_job(os.fdopen(pipe, "wb"), job)
     finally:
         os._exit(1)
 
 
+class _Template:
+    """A process of one thread, to be copied where this one has several.
+
+    It keeps the modules that its copies need, so that only the first one waits for them.
+    """
+
+    _PROGRAM = (
+        "import pickle, socket, sys\n"
+        "requests = socket.socket(fileno=0)\n"
+        "sys.path[:] = pickle.loads(requests.recv(1 << 17))\n"
+        "from adhesion_can.recordings.limited_work import serve_copies\n"
+        "serve_copies(requests)\n"
+    )
+    _lock = threading.Lock()
+    _running: "_Template | None" = None
+
+    @classmethod
+    def of_this_process(cls) -> "_Template":
+        """The one that runs, or a new one."""
+        with cls._lock:
+            if cls._running is None or not cls._running.is_usable:
+                cls._running = cls()
+            return cls._running
+
+    def __init__(self) -> None:
+        self._user = os.getpid()
+        # A message arrives whole, whichever threads send at the same time.
+        self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            self._process = subprocess.Popen(  # noqa: S603  our own program
+                [sys.executable, "-c", self._PROGRAM],
+                stdin=theirs.fileno(),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+        self._requests.send(pickle.dumps(sys.path))
+        atexit.register(self._end)
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether it runs, and is that of this process and not of the one that forked it."""
+        return self._user == os.getpid() and self._process.poll() is None
+
+    def copy(self, job: Job) -> "_CopyOfTemplate":
+        """A copy that does a job, in the folder in which this process is.
+
+        Raises:
+            LimitError: The process is gone.
+
+        """
+        ours, theirs = os.pipe()
+        control, other_end = socket.socketpair()
+        here = os.open(".", os.O_RDONLY)
+        try:
+            files = [theirs, other_end.fileno(), here]
+            socket.send_fds(self._requests, [pickle.dumps(job)], files)
+        except OSError as error:
+            os.close(ours)
+            control.close()
+            raise LimitError(f"its reader cannot start ({error.strerror})") from error
+        finally:
+            other_end.close()
+            os.close(theirs)
+            os.close(here)
+        return _CopyOfTemplate(os.fdopen(ours, "rb"), control)
+
+    def _end(self) -> None:
+        if self._user == os.getpid():
+            self._requests.close()
+            self._process.wait()
+
+
+class _CopyOfTemplate:
+    """A copy of another process.
+
+    Args:
+        pipe: What it answers.
+        control: Socket that brings its exit status, and whose end ends it.
+
+    """
+
+    def __init__(self, pipe: IO[bytes], control: socket.socket) -> None:
+        self.pipe, self._control = pipe, control
+        self._status: int | None = None
+
+    def wait(self) -> int:
+        """Wait for the end of the process; its exit status."""
+        if self._status is None:
+            # Nothing comes where what guards it was killed too.
+            self._status = int(self._control.recv(16) or -signal.SIGKILL)
+        return self._status
+
+    def stop(self) -> None:
+        """End the process."""
+        self.pipe.close()
+        self._control.shutdown(socket.SHUT_WR)
+        self.wait()
+        self._control.close()
+
+
 class _New:
-    """A new process of Python."""
+    """A new process of Python.
+
+    Args:
+        job: What it does.
+
+    """
 
     _PROGRAM = (
         "import pickle, sys\n"
         "sys.path[:] = pickle.load(sys.stdin.buffer)\n"
-        "from adhesion_can.recordings.limited import serve\n"
+        "from adhesion_can.recordings.limited_work import serve\n"
         "serve()\n"
     )
 
-    def start(self, work: Callable[[], Iterable[Any]], limits: Limits, folder: str) -> None:
-        """Start the work."""
+    def __init__(self, job: Job) -> None:
         self._process = subprocess.Popen(  # noqa: S603  our own program
             [sys.executable, "-c", self._PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
@@ -179,7 +286,7 @@ class _New:
         self.pipe: IO[bytes] = self._process.stdout
         with self._process.stdin as pipe:
             pickle.dump(sys.path, pipe)
-            pickle.dump((work, limits, folder), pipe)
+            pickle.dump(job, pipe)
 
     def wait(self) -> int:
         """Wait for the end of the process; its exit status."""
@@ -190,61 +297,3 @@ class _New:
         self.pipe.close()
         self._process.kill()
         self._process.wait()
-
-
-def serve() -> NoReturn:
-    """Do the work that stdin names, as a new process."""
-    pipe = os.fdopen(os.dup(1), "wb")
-    work, limits, folder = pickle.load(sys.stdin.buffer)  # noqa: S301  of our own process
-    _serve(pipe, work, limits, folder)
-
-
-def _serve(
-    pipe: IO[bytes], work: Callable[[], Iterable[Any]], limits: Limits, folder: str
-) -> NoReturn:
-    """Send what work gives, and end the process."""
-    # Nothing of a library's, nor of Python's, stands between the lines of the command.
-    faulthandler.disable()
-    nothing = os.open(os.devnull, os.O_RDWR)
-    for stream in (0, 1, 2):
-        os.dup2(nothing, stream)
-    warnings.simplefilter("ignore")
-    tempfile.tempdir = folder
-    _limit(limits)
-    try:
-        for item in work():
-            pickle.dump((_ITEM, item), pipe, protocol=5)
-            pipe.flush()
-        last: tuple[int, object] = (_END, None)
-    except InputError as error:
-        last = (_REFUSED, (type(error), error.where, error.what, error.fix))
-    except MemoryError:
-        last = (_FAILED, f"reading it takes more than {limits.memory // _MIB} MiB of memory")
-    except Exception as error:  # noqa: BLE001  a library raises whatever its parsers meet
-        text = " ".join(str(error).split())[:120]
-        last = (_FAILED, f"its reader failed ({type(error).__name__}: {text})")
-    with contextlib.suppress(OSError):
-        pickle.dump(last, pipe, protocol=5)
-        pipe.flush()
-    os._exit(0)
-
-
-def _limit(limits: Limits) -> None:
-    try:
-        import resource  # noqa: PLC0415  not on every system
-    except ImportError:
-        return
-    seconds = ceil(time.process_time()) + limits.processor_s  # loading of modules does not count
-    ends = {
-        resource.RLIMIT_CPU: (seconds, seconds + 2),
-        resource.RLIMIT_FSIZE: (limits.disk, limits.disk),
-        resource.RLIMIT_CORE: (0, 0),
-    }
-    pages = Path("/proc/self/statm")
-    if pages.exists():
-        memory = int(pages.read_text().split()[0]) * resource.getpagesize() + limits.memory
-        ends[resource.RLIMIT_AS] = (memory, memory)
-    for kind, pair in ends.items():
-        _, most = resource.getrlimit(kind)
-        is_free = most == resource.RLIM_INFINITY
-        resource.setrlimit(kind, pair if is_free else (min(pair[0], most), min(pair[1], most)))

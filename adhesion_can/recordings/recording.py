@@ -33,7 +33,8 @@ from adhesion_can.recordings.formats import (
     is_misnamed,
 )
 from adhesion_can.recordings.frame_rows import join_blocks
-from adhesion_can.recordings.limited import LimitError, Limits, read_limited
+from adhesion_can.recordings.limited import LimitError, read_limited
+from adhesion_can.recordings.limited_work import Limits
 from adhesion_can.recordings.mf4_links import require_sound_links
 from adhesion_can.recordings.python_can_messages import from_message
 from adhesion_can.recordings.python_can_readers import (
@@ -239,7 +240,7 @@ class Recording:
             work: Function from the path to blocks, each with the position and the report behind it.
 
         """
-        blocks = read_limited(partial(work, self.path), Limits.of_file(self.size))
+        blocks = read_limited(partial(work, self.path), Limits.of_file(self.size), "asammdf")
         with closing(blocks):
             try:
                 for block, self.position, report in blocks:

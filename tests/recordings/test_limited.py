@@ -5,6 +5,9 @@ import signal
 import sys
 import tempfile
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +15,9 @@ import numpy as np
 import pytest
 
 from adhesion_can.errors import TableError
-from adhesion_can.recordings.limited import LimitError, Limits, read_limited
+from adhesion_can.recordings import limited
+from adhesion_can.recordings.limited import LimitError, read_limited
+from adhesion_can.recordings.limited_work import Job, Limits
 
 FEW = Limits(processor_s=1, memory=100 << 20, disk=1 << 20)
 
@@ -52,25 +57,39 @@ def talking():
     yield 1
 
 
+def here():
+    yield str(Path.cwd())
+
+
 def writing(size):
     with tempfile.NamedTemporaryFile(delete=False) as file:
         file.write(bytes(size))
         yield file.name
 
 
-@pytest.fixture(params=["copy", "new"])
+WAYS = {
+    "copy": limited._Copy,
+    "template": lambda job: limited._Template.of_this_process().copy(job),
+    "new": limited._New,
+}
+
+
+@pytest.fixture(params=WAYS)
 def way(request, monkeypatch):
-    """Both ways: with a second thread the process cannot be copied."""
-    if request.param == "copy":
-        monkeypatch.setattr(threading, "active_count", lambda: 1)  # whatever other tests left
-        yield
-        return
-    end = threading.Event()
-    thread = threading.Thread(target=end.wait)
-    thread.start()
-    yield
-    end.set()
-    thread.join()
+    """All ways, whatever threads other tests left."""
+    monkeypatch.setattr(limited, "_start", WAYS[request.param])
+
+
+@pytest.mark.parametrize(
+    ("platform", "threads", "way"),
+    [("linux", 1, "_Copy"), ("linux", 2, "_CopyOfTemplate"), ("darwin", 1, "_New")],
+)
+def test_the_way_depends_on_system_and_threads(monkeypatch, tmp_path, platform, threads, way):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(threading, "active_count", lambda: threads)
+    process = limited._start(Job(partial(counted, 3), FEW, "", str(tmp_path)))
+    process.stop()
+    assert type(process).__name__ == way
 
 
 @pytest.mark.usefixtures("way")
@@ -117,20 +136,64 @@ def test_what_is_left_in_the_way_is_taken_away():
     assert not Path(name).exists()
 
 
+def processes():
+    """Processes below this one; other tests may have left some."""
+    found, waiting = set(), [str(os.getpid())]
+    while waiting:
+        for tasks in Path(f"/proc/{waiting.pop()}/task").glob("*/children"):
+            with suppress(OSError):  # it has ended since
+                waiting += tasks.read_text().split()
+        found.update(waiting)
+    return found
+
+
 @pytest.mark.usefixtures("way")
-def children():
-    """Children of this process; other tests may have left some."""
-    return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="the list of children is Linux's")
 def test_the_process_ends_with_its_reader():
-    before = children()
+    list(read_limited(partial(counted, 1), FEW))  # a template starts, and stays
+    before = processes()
     found = read_limited(partial(counted, 10**9), FEW)
     next(found)
-    assert len(children() - before) == 1
+    assert processes() - before
     found.close()
-    assert children() <= before
+    until_s = time.monotonic() + 30
+    while not processes() <= before:  # what guards a copy of a template ends just after it
+        assert time.monotonic() < until_s
+        time.sleep(0.01)
+
+
+def test_copies_of_a_template_are_where_this_process_is(monkeypatch, tmp_path):
+    monkeypatch.setattr(limited, "_start", WAYS["template"])
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        assert list(read_limited(here, FEW)) == [str(tmp_path / name)]
+
+
+def test_a_template_that_was_killed_starts_again(monkeypatch):
+    monkeypatch.setattr(limited, "_start", WAYS["template"])
+    template = limited._Template.of_this_process()
+    template._process.kill()
+    template._process.wait()
+    assert list(read_limited(here, FEW)) == [str(Path.cwd())]
+    assert limited._Template.of_this_process() is not template
+
+
+def test_a_template_that_is_gone_is_one_error(tmp_path):
+    template = limited._Template()
+    template._process.kill()
+    template._process.wait()
+    with pytest.raises(LimitError, match="its reader cannot start"):
+        template.copy(Job(here, FEW, "", str(tmp_path)))
+    template._requests.close()
+
+
+def test_many_threads_read_at_the_same_time(monkeypatch):
+    monkeypatch.setattr(limited, "_start", WAYS["template"])
+    with ThreadPoolExecutor(8) as pool:
+        sizes = [*range(24), *range(24)]
+        read = pool.map(lambda size: list(read_limited(partial(counted, size), FEW)), sizes)
+        assert [len(items) for items in read] == sizes
 
 
 def test_the_limits_grow_with_the_file():

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from adhesion_can.errors import TableError
-from adhesion_can.recordings.limited import LimitError, Limits, read_limited
+from adhesion_can.recordings.limited import LimitError, read_limited
+from adhesion_can.recordings.limited_work import Limits
 from adhesion_can.recordings.tables.columns import Column, Columns
 
 MOST_DEPTH = 4
@@ -26,7 +27,7 @@ def read_mat(path: Path) -> Columns:
     """
     try:
         limits = Limits.of_file(path.stat().st_size)
-        (columns,) = read_limited(partial(_columns, path), limits)
+        (columns,) = read_limited(partial(_columns, path), limits, "scipy.io")
     except OSError as error:
         raise TableError(str(path), error.strerror or "cannot be read", "check the path") from error
     except LimitError as error:

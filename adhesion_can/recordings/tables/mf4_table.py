@@ -10,7 +10,8 @@ import numpy as np
 
 from adhesion_can.errors import TableError
 from adhesion_can.extras import install_extra
-from adhesion_can.recordings.limited import LimitError, Limits, read_limited
+from adhesion_can.recordings.limited import LimitError, read_limited
+from adhesion_can.recordings.limited_work import Limits
 from adhesion_can.recordings.mf4 import open_mf4
 from adhesion_can.recordings.tables.columns import Column, Columns
 
@@ -28,7 +29,7 @@ def holds_channel(path: Path, name: str) -> bool:
 
     """
     try:
-        return any(read_limited(partial(_held, path, name), _limits(path)))
+        return any(read_limited(partial(_held, path, name), _limits(path), "asammdf"))
     except TableError:
         return False
     except LimitError as error:
@@ -47,7 +48,7 @@ def read_mf4(path: Path, name: str) -> Columns:
 
     """
     try:
-        (columns,) = read_limited(partial(_columns, path, name), _limits(path))
+        (columns,) = read_limited(partial(_columns, path, name), _limits(path), "asammdf")
     except LimitError as error:
         raise TableError(str(path), str(error), FIX) from error
     return columns
