@@ -79,8 +79,9 @@ def pytest_collection_modifyitems(config, items):
         return
     marked = {mark: [] for mark in DRAWN}
     for item in items:
-        for mark in [mark for mark in DRAWN if item.get_closest_marker(mark)][:1]:
-            marked[mark].append(item.nodeid)
+        marks = [mark for mark in DRAWN if item.get_closest_marker(mark)]
+        if marks:
+            marked[marks[0]].append(item.nodeid)
     left = {name for names in marked.values() for name in names}
     for mark, names in marked.items():
         left -= draw(word, names, DRAWN[mark])
