@@ -22,6 +22,7 @@ from adhesion_can.errors import AdhesionCanError
 from adhesion_can.recordings.limited_work import (
     FAILED,
     ITEM,
+    MESSAGE,
     REFUSED,
     Job,
     Limits,
@@ -171,7 +172,7 @@ class _Template:
     _PROGRAM = (
         "import pickle, socket, sys\n"
         "requests = socket.socket(fileno=0)\n"
-        "sys.path[:] = pickle.loads(requests.recv(1 << 17))\n"
+        f"sys.path[:] = pickle.loads(requests.recv({MESSAGE}))\n"
         "from adhesion_can.recordings.limited_work import serve_copies\n"
         "serve_copies(requests)\n"
     )

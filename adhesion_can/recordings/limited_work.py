@@ -21,7 +21,7 @@ from typing import IO, Any, NoReturn, Self
 from adhesion_can.errors import InputError
 
 MESSAGE = 1 << 17
-"""Largest message of a request, bytes: a function, a path and limits."""
+"""Largest message to a process that is copied, bytes: a function, a path and limits."""
 ITEM, END, REFUSED, FAILED = range(4)
 """Kinds of answers, each with a value: an item, the end, an error to raise, words of a failure."""
 MIB = 1 << 20
